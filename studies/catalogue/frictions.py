@@ -67,13 +67,15 @@ LAWS: dict[str, tuple[cj.extend.AbstractFriction, str, Callable[[np.ndarray], np
 BRISTLES: dict[str, tuple[cj.extend.AbstractBristleFriction, str]] = {
     "Dahl": (cj.frictions.Dahl(FAST, STIFFNESS), "Dahl 1968"),
     "LuGre": (
-        cj.frictions.LuGre(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS),
+        cj.frictions.LuGre(
+            breakaway=SLOW, kinetic=FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS
+        ),
         "Canudas de Wit et al. 1995",
     ),
     "ElastoPlastic": (
         cj.frictions.ElastoPlastic(
-            SLOW,
-            FAST,
+            breakaway=SLOW,
+            kinetic=FAST,
             stribeck_speed=STRIBECK_SPEED,
             stiffness=STIFFNESS,
             elastic_deflection=0.7e-6,

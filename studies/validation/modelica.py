@@ -5,6 +5,7 @@ differences are errors of the published values.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -54,19 +55,21 @@ def backlash() -> Example:
 
     opens = cj.Section(lambda now: 0.5 * play - angle(now), {"speed": (speed, "rad/s")}, 1)
     sections = {flank: stops_pushing(flank) for flank in ("upper flank", "lower flank")}
-    solution, motion = _run(scene, {"wheel": start}, 0.1, angle, {"opens": opens, **sections})
-    first, second = (solution.sections[f"{side} flank"] for side in ("upper", "lower"))
+    crossings, impacts, motion = _run(
+        scene, {"wheel": start}, 0.1, angle, {"opens": opens, **sections}
+    )
+    first, second = (crossings[f"{side} flank"] for side in ("upper", "lower"))
     at = motion.sel(time=0.05)
     found = {
         "a flank stops pushing": ("s", 0.0236592180, first.times[0]),
         "speed there": ("rad/s", -66.1964949763532, first.values["speed"][0]),
-        "its gap opens": ("s", 0.0261592175, solution.sections["opens"].times[0]),
-        "the other flank is met": ("s", 0.0380238663, solution.impacts.onset[0]),
+        "its gap opens": ("s", 0.0261592175, crossings["opens"].times[0]),
+        "the other flank is met": ("s", 0.0380238663, impacts.onset[0]),
         "angle at 0.05 s": ("rad", -1.07836433, at["position"]),
         "speed at 0.05 s": ("rad/s", -42.5653991, at["velocity"]),
         "the other flank stops pushing": ("s", 0.0853423267, second.times[0]),
         "speed there again": ("rad/s", 52.8937155, second.values["speed"][0]),
-        "its gap opens again": ("s", 0.0878524347, solution.impacts.separation[0]),
+        "its gap opens again": ("s", 0.0878524347, impacts.separation[0]),
     }
     return _example(name, found, motion)
 
@@ -91,11 +94,11 @@ def elasto_gap() -> Example:
     position, velocity = cj.quantities.Position("mass", "x"), cj.quantities.Velocity("mass", "x")
     opens = cj.Section(lambda now: free - position(now), {"velocity": (velocity, "m/s")}, 1)
     start = cj.body_state((2.0, 0.0, 0.0))
-    solution, motion = _run(scene, {"mass": start}, 3.0, position, {"opens": opens})
+    crossings, impacts, motion = _run(scene, {"mass": start}, 3.0, position, {"opens": opens})
     found = {
-        "the gap opens": ("s", 0.58337276, solution.sections["opens"].times[0]),
-        "velocity there": ("m/s", -3.42715020688, solution.sections["opens"].values["velocity"][0]),
-        "the other spring is met": ("s", 0.875160380, solution.impacts.onset[0]),
+        "the gap opens": ("s", 0.58337276, crossings["opens"].times[0]),
+        "velocity there": ("m/s", -3.42715020688, crossings["opens"].values["velocity"][0]),
+        "the other spring is met": ("s", 0.875160380, impacts.onset[0]),
     }
     return _example(name, found, motion)
 
@@ -106,8 +109,8 @@ def _run(
     end: float,
     position: cj.extend.Quantity,
     sections: dict[str, cj.Section],
-) -> tuple[cj.results.Solution, xr.Dataset]:
-    """Return a solution, and `position` with its rate at 1001 times."""
+) -> tuple[Mapping[str, cj.results.Crossings], cj.results.Impacts, xr.Dataset]:
+    """Return the crossings, the impacts, and `position` with its rate at 1001 times."""
     times = np.linspace(0.0, end, 1001)
     save = cj.Saving(times, impacts=True, sections=sections)
     solution = cj.simulate(scene, cj.State(bodies), end, SETTINGS, save)
@@ -115,7 +118,8 @@ def _run(
         "position": plot.series(scene, solution, position),
         "velocity": plot.rate_series(scene, solution, position),
     }
-    return solution, xr.Dataset(curves)
+    assert solution.impacts is not None
+    return solution.sections, solution.impacts, xr.Dataset(curves)
 
 
 def _example(name: str, found: dict[str, tuple[str, float, float]], motion: xr.Dataset) -> Example:

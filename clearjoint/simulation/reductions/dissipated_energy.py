@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ...math.vectors import Scalar, add
 from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
-from .windows import Instants, Window, optional_time
+from .windows import Window
 
 LOSSES = ("normal damping", "friction", "film")
 """Entries of the energy ledger for losses in joints."""
@@ -35,8 +34,6 @@ class DissipatedEnergy(AbstractWindowedReduction):
     True
     """
 
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
 
     def start(self, now: Instant) -> LossTally | None:
@@ -76,8 +73,6 @@ class MeanPowerLost(AbstractWindowedReduction):
     {'': 'W'}
     """
 
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
     needs_ledger = True
 
     def start(self, now: Instant) -> tuple[Scalar, LossTally]:

@@ -10,7 +10,6 @@ from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
-from .windows import Instants, optional_time
 
 
 class CountTally(NamedTuple):
@@ -35,8 +34,6 @@ class ImpactCount(AbstractWindowedReduction):
     """
 
     joint: str = eqx.field(static=True)
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that it has contacts."""

@@ -13,7 +13,6 @@ from ...math.vectors import Scalar
 from ...quantities.base import Quantity, numbers
 from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
-from .windows import Instants, optional_time
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
 """The latest instant, s, and the value there; the duration inside the window, s; and the time in
@@ -53,8 +52,6 @@ class Quantiles(AbstractWindowedReduction):
     unit: str = eqx.field(static=True)
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     levels: tuple[float, ...] = eqx.field(static=True, converter=numbers, default=(0.5, 0.95))
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
         edges, remedy = np.asarray(self.edges), "sort them, two at least, none of them twice"

@@ -106,8 +106,8 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
 class AbstractWindowedReduction(AbstractReduction):
     """Base class of reductions over a window of time, from `after` to `until`, s."""
 
-    after: eqx.AbstractVar[Instants]
-    until: eqx.AbstractVar[Instants]
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
 
     def __check_init__(self):
         self._window()  # which checks the times
@@ -156,8 +156,6 @@ class Peak(AbstractWindowedReduction):
 
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
@@ -241,8 +239,6 @@ class Statistics(AbstractWindowedReduction):
 
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
         require_quantity("quantity", self.quantity)

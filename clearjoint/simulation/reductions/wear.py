@@ -14,7 +14,6 @@ from ...model.scene import Scene
 from ...quantities.base import require_known
 from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
-from .windows import Instants, optional_time
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """The latest instant, s; the rates of wear there, m^3/s, and the volumes so far, m^3, by base and
@@ -51,8 +50,6 @@ class ArchardWear(AbstractWindowedReduction):
     coefficient: float = eqx.field(static=True)
     hardness: float = eqx.field(static=True)
     sectors: int = eqx.field(default=12, static=True)
-    after: Instants = eqx.field(default=None, static=True, converter=optional_time)
-    until: Instants = eqx.field(default=None, static=True, converter=optional_time)
 
     def __check_init__(self):
         require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
