@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Reading = Callable[[object, FileLocation], float]
-"""A function that reads a number."""
+"""Function that converts an entry of a study file, and its location, to a number in SI units."""
 PIECES = 16
 """Number of chunks by default; an interruption loses at most one."""
 LONGEST = 256
@@ -36,7 +36,7 @@ LONGEST = 256
 
 @dataclass(frozen=True)
 class SweepArguments:
-    """Arguments of `clearjoint.sweep`; `chunk`: lanes of a chunk."""
+    """Arguments of `clearjoint.sweep` with the same names; `chunk`: number of lanes in a chunk."""
 
     axes: dict[str, Axis]
     outputs: Mapping[str, Output]
@@ -87,19 +87,25 @@ def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
 
 
 def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
-    """Return the arguments of a study's sweep.
+    """Return the arguments of `clearjoint.sweep` for a study.
 
-    **Raises:** `ValueError` for paths and outputs that the scene does not have.
+    **Arguments:** `study`: the study; `part`: its section [sweep].
+
+    **Raises:** `ValueError` without axes, and for paths and outputs that the scene does not have.
+    The message names the place in the study's file.
     """
     location = study.location.at("sweep")
     axes = {}
     for name, axis in part.axes.items():
         axis_location = location.at("axes", name)
+        # The path may select a number of the scene or of the initial state.
         found = study.find(axis.path, axis_location.at("path"))
-        make = Axis.initial if found.in_state else Axis
-        axes[name] = make(found.path, _values(axis, found.number, axis_location))
+        new_axis = Axis.initial if found.in_state else Axis
+        axes[name] = new_axis(found.path, _values(axis, found.number, axis_location))
     if not axes:
         location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
+    # Each output is checked alone, so that an error names its place in the file, and then all are
+    # checked together. The ledger counts as kept, because `sweep` adds it for outputs that need it.
     for name, output in part.outputs.items():
         check_output(name, output, study.scene, location.at("outputs", name))
     try:
@@ -107,8 +113,10 @@ def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
     except ValueError as error:
         raise ValueError(f"{location.at('outputs')}: {error}") from error
     sizes = [axis.values.size for axis in axes.values()]
+    # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
-    chunk = part.chunk or min(max(-(-lanes // PIECES), 1), LONGEST)
+    lanes_per_piece = -(-lanes // PIECES)  # rounded up
+    chunk = part.chunk or min(max(lanes_per_piece, 1), LONGEST)
     return SweepArguments(axes, part.outputs, Saving(sections=study.sections()), chunk)
 
 
@@ -154,7 +162,7 @@ def _summary(dataset: "xr.Dataset", code: int) -> Summary:
 
 
 def _line(dataset: "xr.Dataset", summary: Summary) -> str:
-    """The result of a sweep in a line."""
+    """Return the result of a sweep as one line of text."""
     failed = (
         int(summary["lanes"]) - int(summary["lanes successful"]) - int(summary["lanes pending"])
     )

@@ -51,16 +51,18 @@ class ChangedCodeError(Exception):
 
 
 class _State:
-    """The package's code as this process has imported it.
+    """Record of the package's code at its import, to which `source_digest` compares later code.
 
-    - `lock`: guards the other attributes.
-    - `files`: result of `_files` when the import of the package began.
-    - `names`: by module, its names when that import ended (names added later are not the
-      package's); `contents`: result of `_contents` for these.
-    - `digest`: digest of the source files, once it has been computed.
-    - `modules`: number of modules of the package that were loaded when `files` were last compared.
-    - `changed`: whether a change was ever found. Programs that JAX has traced since then may
-      contain replaced code for the rest of the process.
+    - `lock`: held while `source_digest` reads and updates this record.
+    - `files`: size, times and inode of each source file when the import began; see `_files`.
+    - `names`: for each module, the names that it defined when the import ended. Names that are
+      added later belong to other code and are not compared.
+    - `contents`: the objects with these names when the import ended; see `_contents`.
+    - `digest`: digest of the source files; ``None`` until it is first computed.
+    - `modules`: number of loaded modules of the package when `files` were last compared with the
+      disk; the comparison is repeated when this number has changed.
+    - `changed`: whether any comparison has found a change. It is never reset: even if the change is
+      undone, JAX may have traced programs from the changed code and reuse them.
     """
 
     def __init__(self) -> None:

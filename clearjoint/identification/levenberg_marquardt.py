@@ -43,7 +43,8 @@ class LinearisedMisfit(Protocol):
 
     @property
     def coordinates(self) -> Float[np.ndarray, " p"]:
-        """Coordinates of the parameters, (p,)."""
+        """Point of the search, (p,): a parameter's coordinate is its value on its scale, such as
+        the logarithm of the value."""
         ...
 
     @property

@@ -37,12 +37,14 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
 
 
 def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
-    """Return bounds (..., p) of the parameters' standard deviations, all estimated together.
+    """Return lower bounds (..., p) of the standard deviations if all parameters are estimated.
 
-    The bound is infinite for a parameter that is part of an undetermined combination. For columns
-    of unit length, its singular value is below `accuracy` times the largest.
+    The bound is infinite for a parameter that is part of an undetermined combination. A combination
+    is undetermined if its singular value is below `accuracy` times the largest one, with the
+    columns of the root scaled to unit length.
 
-    **Arguments:** `accuracy`: relative error of the derivatives.
+    **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
+    derivatives.
     """
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
@@ -55,13 +57,23 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
 
 
 def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return bounds (..., p) of each parameter's standard deviation, for known other parameters."""
+    """Return lower bounds (..., p) of the standard deviations if one parameter is estimated.
+
+    The bound of each parameter assumes that the values of all others are known. It is infinite if
+    the parameter has no effect on the data.
+
+    **Arguments:** `roots`: roots (..., r, p) of the information.
+    """
+    # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
     with np.errstate(divide="ignore"):
         return 1.0 / np.linalg.norm(roots, axis=-2)
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Return the number (...) of combinations of parameters that the data determine."""
+    """Return the number (...) of independent combinations of parameters that the data determine.
+
+    **Arguments:** as for `together`.
+    """
     return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 

@@ -183,8 +183,8 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 class RepeatedCall:
     """Equations that call the same jaxpr.
 
-    `shared`: for each argument, whether it is the same in all calls; `function`: the function for
-    the jaxpr, once the first call has been lowered.
+    - `shared`: for each argument, whether it is the same in all calls.
+    - `function`: the function for the jaxpr; ``None`` until the first call has been lowered.
     """
 
     shared: list[bool]
@@ -193,8 +193,16 @@ class RepeatedCall:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of machine code: the cells of its parameters, its results as the function computes
-    them, and the cells of those values among the results that differ from call to call."""
+    """A function of machine code, which exchanges values with its callers by cells of memory.
+
+    - `number`: identifies the function for `Operations.call`.
+    - `parameters`: first cell of each value that differs between calls. The caller writes it there
+      and the function reads it.
+    - `results`: the arrays that the function returns, of values as named inside the function.
+    - `cells`: for each value in `results` that the function computes, the first cell to which it
+      writes the value and from which the caller reads it. The other values in `results` come from
+      outside and are the same in all calls.
+    """
 
     number: int
     parameters: list[int]

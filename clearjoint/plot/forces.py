@@ -36,6 +36,7 @@ def contact_and_reaction(
     - `contact`: names of the clearance joint and of the contact in it, such as a base.
     - `reaction`: names of the ideal joint and of the body on which its force acts.
     - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, forces in N or kN.
 
@@ -74,15 +75,17 @@ def contact_forces(
 ) -> Axes:
     """Draw the normal forces of all contacts of a joint over time.
 
-    Contacts with the same force, such as both bases in planar motion, are one curve.
+    Contacts with the same force, such as both bases in planar motion, share one curve.
 
     **Arguments:**
 
     - `observation`: along every accepted step, or at instants that resolve the impacts.
     - `joint`: name of the clearance joint.
     - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `logarithmic`: whether the axis of forces is logarithmic, with free flight below its lower
-      end; by default where one peak is so much larger than the others that they would be invisible.
+    - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
+      default it is logarithmic if one peak is so large that the other forces would be invisible on
+      a linear axis.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 

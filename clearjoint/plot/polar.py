@@ -168,21 +168,28 @@ def _bars(
 
 
 def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
-    """The angle, degrees, between two grid lines where bars are smallest."""
+    """Return the angle, degrees, midway between two grid lines, around which bars are smallest."""
     angles = 22.5 + 45.0 * np.arange(8)
     distance = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
     return float(angles[np.argmin(np.where(np.abs(distance) < 22.5, tops, 0.0).sum(axis=1))])
 
 
 def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
-    """Labels of the angles in degrees; 0° and 90° also have the directions' names."""
+    """Return the labels of the angular ticks of polar axes, in degrees.
+
+    The labels of 0° and 90° also contain the names of these directions, `right` and `up`, such as
+    "x, 0°" and "y, 90°".
+    """
     names = {0: right, 90: up}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
     return [f"{names[angle]}, {angle}°" if angle in names else f"{angle}°" for angle in degrees]
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Factor to a suitable unit, and that unit; volumes are in mm³ or µm³."""
+    """Return a factor to a suitable unit, and the name of this unit.
+
+    Volumes, given in m^3, are shown in mm³, µm³ or a power of ten of µm³.
+    """
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

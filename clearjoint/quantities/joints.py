@@ -189,22 +189,27 @@ class AbstractJournalQuantity(AbstractJointQuantity):
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to the journal's or a base's, m, bearing
-        frame."""
+        """Return the vector from the bearing's centre to that of the journal or of a base, m.
+
+        Components are in the bearing's frame, whose z axis is the bearing's axis.
+        """
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, HasJournal)
         return joint.journal_offset(now.motions, base)
 
 
 class JournalOffset(AbstractJournalQuantity):
-    """Offset of a journal's centre, or of one base, from the bearing's centre, m.
+    """One component of the vector from the bearing's centre to the journal's centre, m.
 
-    It is the signal of a proximity probe on the bearing.
+    The vector ends at the centre of a base instead if `base` is given. Its component is the signal
+    of a proximity probe on the bearing.
 
     **Arguments:**
 
     - `joint`: name of a clearance joint.
-    - `component`: "x" or "y" across the bearing's axis, or "z" along it.
+    - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
+      the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
+      the axes of the body.
     - `base`: "V" or "W", or ``None`` for the journal's centre.
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
@@ -226,9 +231,10 @@ class JournalOffset(AbstractJournalQuantity):
 
 
 class Eccentricity(AbstractJournalQuantity):
-    """Distance of a journal's centre, or of one base, from the bearing's axis, m.
+    """Distance of a journal's centre, or of the centre of a base, from the bearing's axis, m.
 
-    **Arguments:** `joint`: name. `base`: "V" or "W", or ``None`` for the journal's centre.
+    **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", or ``None`` for the
+    journal's centre.
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
     >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
@@ -247,11 +253,14 @@ class Eccentricity(AbstractJournalQuantity):
 
 
 class Multiplier(AbstractJointQuantity):
-    """Multiplier of a constraint row, N or N m; for a driver it is the driving moment.
+    """Lagrange multiplier of a constraint row: the force or moment by which the joint holds it.
 
-    Joints that the coordinates eliminate have no multipliers; use `Reaction` for them.
+    The unit is N for a row in m, otherwise N m. For a driver, the multiplier is the
+    driving force or moment. Joints that the coordinates eliminate have no multipliers; use
+    `Reaction` for them.
 
-    **Arguments:** `joint`: name of the joint. `row`: name of its constraint row.
+    **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
+    dictionary that the joint's method `rows` returns.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the joint have this row?

@@ -64,13 +64,15 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Show the instant k."""
+        """Draw the parts, and the time, at the instant with the index k."""
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
             triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             sizes = np.linalg.norm(normals, axis=1)
+            # In these axes the camera is at (0, 0, distance). Triangles without area or seen from
+            # behind are left out.
             towards = (0.0, 0.0, self._distance) - triangles[:, 0]
             facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
             normals = normals[facing] / sizes[facing, None]
@@ -81,21 +83,27 @@ class Film:
             )
             corners.append(triangles[facing])
         everything, painted = np.concatenate(corners), np.concatenate(colours)
-        order = np.argsort(everything[:, :, 2].mean(axis=1))
+        order = np.argsort(everything[:, :, 2].mean(axis=1))  # the farthest first
         self._triangles.set_verts([*in_perspective(everything[order], self._distance)])
         self._triangles.set_facecolor([*painted[order]])
+        # Edges in the colour of the face close gaps between opaque triangles. Edges of transparent
+        # ones are invisible, because they would overlap and show as lines.
         seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
         self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
         if self._times is not None:
             self._time_text.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write a GIF or an MP4 of some instants, or a picture of the first one.
+        """Write an animation if the file is a GIF or an MP4, otherwise a still picture.
+
+        **Arguments:** `file`: the path, whose suffix selects the format; `frames`: indices of the
+        instants to show. A picture shows the first of them.
 
         **Raises:** `ValueError` for an MP4 without ffmpeg.
         """
         if file.suffix.lower() not in (".gif", ".mp4"):
             self.show(frames[0])
+            # A picture has twice the resolution of an animation.
             self.figure.savefig(file, dpi=2 * DPI)
             return
         writer = PillowWriter(FRAMES_PER_SECOND)
@@ -107,8 +115,10 @@ class Film:
 
         def draw(k: int) -> list[PolyCollection]:
             self.show(k)
-            return [self._triangles]
+            return [self._triangles]  # matplotlib expects the artists that have changed
 
+        # `init_func` does nothing (`list()` is empty). Without it, matplotlib would draw the first
+        # frame an additional time.
         animation = FuncAnimation(self.figure, draw, frames=frames, init_func=list)
         animation.save(file, writer=writer, dpi=DPI)
 

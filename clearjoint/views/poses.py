@@ -1,4 +1,4 @@
-"""Poses of all bodies at the instants of a view."""
+"""Positions and orientations of all bodies at the instants that `clearjoint.view` shows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,21 +40,25 @@ class BodyPoses:
 
 
 def standing(state: State) -> BodyPoses:
-    """Return the poses of one state."""
+    """Return the poses in a single state, without a time."""
     poses = {name: _poses(body)[None] for name, body in state.bodies.items()}
     return BodyPoses(None, poses | {GROUND: np.eye(4)[None]})
 
 
 def moving(trajectory: Trajectory) -> BodyPoses:
-    """Return the poses along a trajectory."""
+    """Return the poses at all times of a trajectory."""
     times = np.asarray(trajectory.times, dtype=float)
     poses = {name: _poses(body) for name, body in trajectory.states.bodies.items()}
     return BodyPoses(times, poses | {GROUND: np.tile(np.eye(4), (len(times), 1, 1))})
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Return indices of at most `most` of the increasing times (N,), at about equal distances, with
-    the first and the last."""
+    """Return the indices (M,) of at most `most` times that are about equally spaced.
+
+    The first and the last time are among them. All times are chosen if there are at most `most`.
+
+    **Arguments:** `times`: (N,) s, increasing.
+    """
     if len(times) <= most:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)

@@ -1,12 +1,24 @@
 """Equations of motion of a tree in joint coordinates, by the composite rigid body algorithm.
 
-R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, with one change of unknowns. The rate
-of a joint's angular speed is taken relative to a carrier that does not rotate about the joint's
-axis: r = u' + axis . (angular acceleration of the carrier). The inertia of the carried bodies about
-the axis then does not enter the carrier's equations. Otherwise it enters twice, with opposite
-signs. In the double pendulum, arm 2 has 0.001 kg m^2 about the hinge and arm 3 has 2.3 kg m^2: the
-rounding errors of the latter cost two digits of the last impacts. If axes are coordinate axes, the
-omitted terms are structural zeros as well.
+The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
+unknowns. Each joint connects a carried body to its carrier, the next body towards the root. The
+book solves for the rate u' of each joint's speed u, relative to the carrier. This module solves for
+
+    r = u' + axis . (angular acceleration of the carrier),
+
+the rate relative to a carrier that does not rotate about the joint's axis. For a translation,
+r = u'.
+
+The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
+enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
+unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
+`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has
+2.3 kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts.
+If axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
+omits.
+
+Arguments and results of the type `Speeds` have one entry for each speed of the tree, from the root
+to the leaves. Where they are rates or changes of speeds, they have the form of r.
 """
 
 from collections.abc import Iterator
@@ -171,7 +183,7 @@ class TreeMechanics:
             yield twist, relative
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the accelerations of the bodies."""
+        """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
         accelerations = {}
         for (branch, link), (twist, _) in zip(self._pairs(), self._per_link(rates), strict=True):
             linear = twist.linear + twist.angular.cross(link.centre) + link.bias + self._fall
@@ -180,21 +192,29 @@ class TreeMechanics:
         return accelerations
 
     def variable_rates(self, rates: Speeds) -> dict[str, MotionVariables]:
-        """Return the time derivatives of the variables."""
+        """Return the time derivatives of each body's variables, by name, for given rates r."""
         return {
             branch.body: branch.rates(state, part, self._axes, self._gravity)
             for branch, state, part in self._per_branch(rates)
         }
 
     def after_displacement(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """Return the variables after a small displacement along the speeds."""
+        """Return each body's variables, by name, after a small displacement.
+
+        **Arguments:** `changes`: (size,) displacement along each speed, m or rad, in the form of r:
+        relative to a carrier that does not rotate about the joint's axis.
+        """
         return {
             branch.body: branch.after_displacement(state, part, self._axes)
             for branch, state, part in self._per_branch(changes)
         }
 
     def after_speed_change(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """Return the variables after changes of the speeds."""
+        """Return each body's variables, by name, after sudden changes of the speeds.
+
+        **Arguments:** `changes`: (size,) change of each speed, m/s or rad/s, in the form of r:
+        relative to a carrier that does not rotate about the joint's axis.
+        """
         return {
             branch.body: branch.after_speed_change(state, part, self._axes)
             for branch, state, part in self._per_branch(changes)

@@ -114,8 +114,10 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def orientation(self, position: PyTree) -> EulerParameters:
-        """Return Euler parameters, of any norm, that transform the child's components to the
-        parent's."""
+        """Return Euler parameters that transform the child's components to the parent's.
+
+        Their norm need not be 1.
+        """
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
@@ -215,15 +217,21 @@ class Hinge(AbstractMotionSubspace):
         return JointState(angle, (relative.twist.angular.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return the reference rotated by the angle about the axis."""
+        """Return Euler parameters that transform the child's components to the parent's.
+
+        They combine the constant `reference` with a rotation by the angle `position`, rad, about
+        the axis.
+        """
         vector = self.axis * sine_of(0.5 * position)
         rotation = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, rotation)
 
     def rotation(self, position: Scalar) -> Matrix:
-        """Return R (b b^T + cos (1 - b b^T) + sin ~b) with a constant reference matrix R.
+        """Return the matrix that transforms the child's components to the parent's.
 
-        This form has two products per entry, and none for the entries that are exactly 0 or 1.
+        It is R (b b^T + cos(angle) (1 - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
+        the axis b, and the matrix ~b of the cross product with b. This form has two products per
+        entry, and none for the entries that are exactly 0 or 1.
         """
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
@@ -259,7 +267,7 @@ class Ball(AbstractMotionSubspace):
     point_child: Vector
 
     def encode(self, relative: Relative) -> JointState:
-        """Return relative orientation and spin."""
+        """Return relative orientation, and relative spin in the child's axes, rad/s."""
         spin = relative.twist.angular
         return JointState(relative.orientation, (spin.x, spin.y, spin.z))
 

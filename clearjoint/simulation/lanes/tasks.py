@@ -57,7 +57,7 @@ class Common(eqx.Module):
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
-        """The buffers of a lane by the log that each fills."""
+        """Return the buffers of a lane by the name of the log that each fills."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.buffers()
 
@@ -69,19 +69,27 @@ class Common(eqx.Module):
     def columns_of(
         self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array
     ) -> Columns:
-        """Return the reported columns of a log from its rows, (rows, numbers).
+        """Return the columns that are reported of a log: by name, an array (R,) for R rows.
 
-        `example` is a row with the structure that the numbers of each row are put into.
+        **Arguments:**
+
+        - `name`: name of the log.
+        - `example`: a record of this log. Only its structure and shapes are used.
+        - `task`: the lane that wrote the rows.
+        - `rows`: (R, n) recorded rows; each is a record as a flat array of its n numbers.
         """
         leaves, structure = jax.tree.flatten(example)
+        # Some columns are quantities, which are functions of the lane's scene too.
         system = self.plan.scheme.system(self.scene(task))
-        ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
+        channels = self.channels.get(name, {})
+        # Each row has the numbers of the first leaf, then those of the second, and so on.
+        boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]
 
-        def at(row: jax.Array) -> Columns:
-            parts = zip(jnp.split(row, ends), leaves, strict=True)
-            recorded: Snapshot | ImpactRow = jax.tree.unflatten(
+        def columns_of_row(row: jax.Array) -> Columns:
+            parts = zip(jnp.split(row, boundaries), leaves, strict=True)
+            record: Snapshot | ImpactRow = jax.tree.unflatten(
                 structure, [part.reshape(leaf.shape) for part, leaf in parts]
             )
-            return recorded.columns(system, self.channels.get(name, {}))
+            return record.columns(system, channels)
 
-        return jax.lax.map(at, rows)
+        return jax.lax.map(columns_of_row, rows)

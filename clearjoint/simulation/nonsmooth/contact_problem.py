@@ -153,16 +153,29 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Return the velocities along all rows in m/s: opening velocities, and then slips."""
+        """Return the velocities along all rows, m/s, of bodies that move as given.
+
+        The list has the order of `rows`: first the opening velocity of each contact, then both
+        slip velocities of each contact that can have friction.
+        """
         return [row_rate(row, motions) for row in self.rows]
 
     def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
-        """Return the velocities along all rows in m/s after impulses along all of them in N s."""
+        """Return the velocities along all rows, m/s, after impulses at the contacts.
+
+        **Arguments:** `velocities`: m/s, along all rows before the impulses; `impulses`: N s, along
+        all rows. Both, and the result, are lists in the order of `velocities`: normal directions
+        first.
+        """
         rows = range(len(self.rows))
         return self._with_impulses(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
-        """Return the change of the speeds by impulses along the first rows."""
+        """Return the change of the speeds by impulses at the contacts.
+
+        **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
+        no impulse, so a list of the normal impulses alone is allowed.
+        """
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -171,7 +184,11 @@ class ContactProblem:
     def _with_impulses(
         self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
     ) -> list[Scalar]:
-        """Return the velocities of some rows after impulses along others."""
+        """Return the velocities along `rows`, m/s, after impulses along `columns`, N s.
+
+        **Arguments:** `rows`, `columns`: numbers of rows; `velocities`: m/s, along `rows` before
+        the impulses; `impulses`: N s, along `columns`.
+        """
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
@@ -185,8 +202,10 @@ class ContactProblem:
     ) -> tuple[Impulses, Scalar]:
         """Return impulses of the closed contacts in N s, and the relative residual.
 
-        The impulses make `aims` non-negative: the velocities without impulses, less the smallest
-        ones allowed.
+        With the impulses, each closed contact opens at least with the smallest velocity allowed.
+
+        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact the
+        opening velocity without impulses, less the smallest one allowed.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
@@ -199,8 +218,8 @@ class ContactProblem:
 
         The residual is the largest violation over the largest velocity of a closed contact.
 
-        **Arguments:** `aims`: as above; `slips`: velocities along the rows of slip without
-        impulses.
+        **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
+        the rows of slip without impulses.
         """
         if not slips:
             return self.normal_impulses(closed, aims)

@@ -160,10 +160,16 @@ def observe(
     also those that the run's coordinates eliminated, and redundant reactions do not depend on the
     run's coordinates.
 
-    **Arguments:** `scene`: the scene that was simulated. `trajectory`: for example `solution.steps`
-    for every accepted step; the saved states unless given.
+    **Arguments:**
 
-    **Returns:** an `Observation` of numpy arrays.
+    - `scene`: the scene that was simulated.
+    - `solution`: what `simulate` or `simulate_nonsmooth` returned.
+    - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
+      step; by default the saved states.
+
+    **Returns:** an `Observation` of numpy arrays, whose first axis has the length N.
+
+    **Raises:** `ValueError` without a trajectory if the solution has no saved states.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -171,8 +177,8 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
-    kind, fine = type(solution).__name__, hasattr(solution, "formulation")
-    require(fine, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
+    kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
+    require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
     require(
         trajectory is not None,
@@ -182,19 +188,23 @@ def observe(
         "pass save=Saving(times) or Saving(steps=True) to simulate()",
     )
     assert trajectory is not None
-    ran, states = solution.formulation, trajectory.states
-    absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
-    rows = (
+    used, states = solution.formulation, trajectory.states
+    absolute = Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
+    # All but the energy ledger follows from each state alone. The ledger holds integrals over the
+    # run (`work`), so it is left out here and its entries are added at the end.
+    times_and_states = (
         np.asarray(trajectory.times),
         State(states.bodies, states.entry_speeds, bristles=states.bristles),
     )
+    # The program is compiled for the exact zeros and ones of the scene, which need no operations.
     folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
     observation = in_chunks(
-        lambda part: observe_compiled(folded_scene, absolute, unique, *part), rows
+        lambda part: observe_compiled(folded_scene, absolute, unique, *part), times_and_states
     )
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
-        # The ledger books the elastic energy of bristles as friction until they release it.
+        # The ledger counts the elastic energy of bristles as dissipated by friction until they
+        # release it. The observation has it as "bristles", so it is not counted a second time.
         elastic = observation.energies.get("bristles", 0.0)
         integrals["friction"] = integrals["friction"] - elastic
     return replace(observation, energies={**observation.energies, **integrals})
@@ -203,9 +213,15 @@ def observe(
 def in_chunks(
     look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a program to rows (host arrays), a fixed number at a time.
+    """Apply a compiled program to times and states, `CHUNK` of them at a time.
 
-    The number of rows thus needs no compiling.
+    The program thus always has arguments of the same shape and is not compiled again for another
+    number N of times.
+
+    **Arguments:** `look`: the program, for `CHUNK` times and states; `rows`: (N,) times, s, and
+    states whose leaves have a first axis of length N, on the host.
+
+    **Returns:** the results as NumPy arrays, joined along their first axis of length N.
     """
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
     parts = []

@@ -69,31 +69,51 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 
 
 def magnitudes(y: Variables) -> Variables:
-    """Return the magnitudes that errors are compared with: of each component, but of positions and
-    velocities the largest component.
+    """Return the numbers to which the step-size controller relates the errors of the variables.
 
-    A journal that rolls along the wall hardly moves along one axis. If its error were relative to
-    that component, runs would take a third more steps without being more accurate, and their number
-    would depend on the axes. Bristle deflections, relative to a full one, count as at least 1:
-    where they pass through zero, the error of friction is the same.
+    The result has the structure and units of `y`. The sign of a number has no meaning, because the
+    controller takes its absolute value.
+
+    - Positions and velocities of bodies: the largest absolute component of the vector, for all
+      three components.
+    - Bristle deflections: the absolute value, but at least 1.
+    - All other variables: the variable itself.
+
+    **Arguments:** `y`: variables, with bristle deflections from `with_relative_bristles`.
     """
 
-    def largest(vector: Vector) -> Vector:
+    def largest_component(vector: Vector) -> Vector:
         size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
         return Vector(size, size, size)
 
-    def magnitude(node: PyTree) -> PyTree:
+    # A journal that rolls along the wall hardly moves along one axis. If its error were relative to
+    # that small component, runs would take a third more steps without being more accurate, and the
+    # number of steps would depend on the directions of the axes.
+    def of_body(node: PyTree) -> PyTree:
         if not isinstance(node, BodyState):
             return node
         return BodyState(
-            largest(node.position), node.orientation, largest(node.velocity), node.spin
+            largest_component(node.position),
+            node.orientation,
+            largest_component(node.velocity),
+            node.spin,
         )
 
-    sizes = jax.tree.map(magnitude, y, is_leaf=lambda node: isinstance(node, BodyState))
-    return replace(sizes, bristles=jax.tree.map(lambda z: jnp.maximum(jnp.abs(z), 1.0), y.bristles))
+    sizes = jax.tree.map(of_body, y, is_leaf=lambda node: isinstance(node, BodyState))
+
+    # An error of a deflection changes the friction force equally at all deflections. Its measure is
+    # therefore the deflection at full friction, which is 1 here, also where a deflection passes
+    # through zero.
+    def of_deflection(z: Scalar) -> Scalar:
+        return jnp.maximum(jnp.abs(z), 1.0)
+
+    return replace(sizes, bristles=jax.tree.map(of_deflection, y.bristles))
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
-    """Return the variables, or their errors, with bristle deflections relative to a full one."""
+    """Return variables, or errors of variables, with dimensionless bristle deflections.
+
+    Each deflection, m, is divided by the deflection of its contact at full friction, m.
+    """
     full = full_deflections(scene)
-    return replace(y, bristles=jax.tree.map(lambda z, one: z / one, y.bristles, full))
+    return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

@@ -49,7 +49,11 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of a step's state along p parameters; p is the first axis of each leaf."""
+    """Derivatives of the state of a `Step` with respect to the coordinates of p parameters.
+
+    Each field has the structure of the field of `Step` with the same name, and each leaf has an
+    additional first axis of length p. Units are those of the variables, per unit of a coordinate.
+    """
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -110,7 +114,7 @@ class Attempt(eqx.Module):
     - `t_start`, `entry_speeds_start`: s and m/s, at the start of the trial.
     - `information`: the solver's data for dense output.
     - `time_map`: of the trial; ``None`` if time is uniform in all steps.
-    - `tangents`: the same data for derivatives; ``None`` without any.
+    - `tangents`: the same data for the derivatives; ``None`` in runs without derivatives.
     """
 
     step: Step
@@ -123,7 +127,11 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """Data for the derivatives inside a step; fields as those of `Attempt`."""
+    """Data for dense output of the derivatives with respect to p parameters inside a step.
+
+    They are the derivatives of the fields of `Attempt` with the same names, with a first axis of
+    length p in each leaf.
+    """
 
     entry_speeds_start: EntrySpeeds
     information: DenseInformation

@@ -142,7 +142,13 @@ def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Datase
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """Open the group of the lanes of a store, and return it with its attributes."""
+    """Open a store to read it, and return its group `by_lane` and the attributes of this group.
+
+    The attribute with the digest of the metadata is checked and left out.
+
+    **Raises:** `ValueError` if there is no store at the path, if its format has another version, or
+    if its metadata are damaged.
+    """
     file = path / BY_LANE / ROOT
     try:
         # Older versions stored the lanes where the grid is now.

@@ -56,7 +56,7 @@ class SweepMemory:
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Store results of lanes of a chunk."""
+        """Store results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
@@ -114,7 +114,13 @@ class SweepStore:
         return missing
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Write results of lanes of a chunk to disk; they are done when this returns."""
+        """Write results of some lanes of a chunk to disk.
+
+        When this returns, the lanes count as done, even if the process is killed afterwards.
+
+        **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
+        any order; `arrays`: results by variable, each with a first axis of length n.
+        """
         results = self.layout.checked(len(lanes), arrays)
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
@@ -125,14 +131,19 @@ class SweepStore:
                 # Another process added this variable, and these results lack it: without its file,
                 # the chunk counts as pending for sweeps with the variable.
                 chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
+            # Rows of the store that belong to the chunk; the last chunk may be shorter.
             first, size = chunk * self.layout.chunk, self.layout.chunk
             span = slice(first, min(first + size, opened(group, RESULT).shape[0]))
-            rows = self._row_of[list(lanes)] - first
+            rows_in_chunk = self._row_of[list(lanes)] - first
+            # A chunk of a variable is one file, so all its rows are written together: results of
+            # some lanes are completed by the stored rows, results of all lanes only sorted by row.
             if len(lanes) < span.stop - first:
-                results = self._merged(group, chunk, span, rows, results)
+                results = self._merged(group, chunk, span, rows_in_chunk, results)
             else:
-                results = {name: values[np.argsort(rows)] for name, values in results.items()}
-            # The result codes mark the lanes as done: they are written last.
+                order = np.argsort(rows_in_chunk)
+                results = {name: values[order] for name, values in results.items()}
+            # The result codes mark the lanes as done: they are written last, when the other
+            # variables are safely on disk.
             for name in sorted(results, key=lambda name: name == RESULT):
                 array = opened(group, name)
                 array[span] = results[name]
@@ -150,6 +161,9 @@ class SweepStore:
         """Return all rows of a chunk: the given results and, in other rows, the stored ones.
 
         If a file of the chunk is missing or damaged, the other rows are pending.
+
+        **Arguments:** `span`: rows of the store in this chunk; `rows`: (n,) rows of the given
+        results, counted from the start of the chunk; `results`: given results, by variable.
         """
         arrays = {name: opened(group, name) for name in results}
         fills = {name: self.layout.variables[name].fill for name in results}
