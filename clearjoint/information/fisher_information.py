@@ -26,7 +26,11 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 
 
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) for the first rows of (N, p), up to each of T rising ends."""
+    """Return roots (T, p, p) of the information of the first samples.
+
+    **Arguments:** `rows`: (N, p) derivatives; `ends`: T rising numbers of rows. Root k is for the
+    rows before `ends[k]`.
+    """
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
     for end in ends:
@@ -37,12 +41,15 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
 
 
 def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
-    """Return bounds (..., p) of the parameters' standard deviations, all estimated together.
+    """Return lower bounds of the standard deviations if all parameters are estimated together.
 
-    The bound is infinite for a parameter that is part of an undetermined combination. For columns
-    of unit length, its singular value is below `accuracy` times the largest.
+    A combination of parameters is undetermined if its singular value is at most `accuracy` times
+    the largest one. Singular values are those of a root with its columns scaled to unit length. The
+    bound is infinite for every parameter that is part of an undetermined combination.
 
-    **Arguments:** `accuracy`: relative error of the derivatives.
+    **Arguments:** `roots`: (..., r, p); `accuracy`: relative error of the derivatives.
+
+    **Returns:** (..., p), in the units of the parameters.
     """
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
@@ -55,13 +62,21 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
 
 
 def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return bounds (..., p) of each parameter's standard deviation, for known other parameters."""
+    """Return a lower bound of each parameter's standard deviation if all others are known.
+
+    **Arguments:** `roots`: (..., r, p).
+
+    **Returns:** (..., p), in the units of the parameters.
+    """
     with np.errstate(divide="ignore"):
         return 1.0 / np.linalg.norm(roots, axis=-2)
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Return the number (...) of combinations of parameters that the data determine."""
+    """Return the number (...) of independent combinations of parameters that the data determine.
+
+    **Arguments:** `roots`: (..., r, p); `accuracy`: relative error of the derivatives.
+    """
     return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
@@ -159,5 +174,9 @@ def _equilibrated(
 
 
 def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Return which singular values, largest first along the last axis, are negligible."""
+    """Return a mask (..., k) of the negligible singular values.
+
+    **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
+    of the derivatives.
+    """
     return (values <= accuracy * values[..., :1]) | (values == 0.0)
