@@ -35,7 +35,7 @@ Depths: TypeAlias = ByLabel[float]
 
 
 def depths(scene: Scene, state: State) -> Depths:
-    """Return the penetration of each contact of a state."""
+    """Return the penetration of each contact of a state, m, by joint and contact."""
     if not scene.contact_joints():
         return {}
     by_joint = contact_depths(scene, state.bodies)
@@ -64,11 +64,12 @@ def resting_joints(
     state: State,
     t: Scalar,
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the named journals at the wall, on the side to which their load
-    presses them while the bodies are at rest.
+    """Return ideal joints that hold the named journals at the wall.
 
-    **Arguments:** `ideal`: ideal joints that replace clearance joints, the named ones among them;
-    `state`: satisfies them.
+    A journal is held on the side to which its load presses it while the bodies are at rest.
+
+    **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
+    `state`: a state that satisfies the ideal joints; `t`: s.
 
     **Raises:** `ValueError` for a joint without a load across its axis.
     """
@@ -97,15 +98,20 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 
 
 def require_in_bearings(scene: Scene, state: State) -> None:
-    """Check that no contact of an initial state is deeper than its joint allows, and warn of
-    contacts that are far inside the wall."""
-    for name, family in depths(scene, state).items():
+    """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
+
+    **Raises:** `ValueError` if a contact is deeper than its joint allows (`deepest`). A smaller
+    penetration above `FAR_OUTSIDE` times this limit gives a warning.
+    """
+    for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
+        # A joint may have no limits, and then any penetration is allowed.
         if not limits:
             continue
-        # The contact that is deepest relative to its own limit.
-        label = max(limits, key=lambda label: family[label] / limits[label])
-        depth, limit = family[label], limits[label]
+        # One message for each joint is enough: on the contact that is deepest relative to its own
+        # limit, since contacts of one joint may have different limits.
+        label = max(limits, key=lambda label: joint_depths[label] / limits[label])
+        depth, limit = joint_depths[label], limits[label]
         where = f"contact {label!r} of joint {name!r}"
         require(
             depth <= limit,
@@ -153,7 +159,9 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return how far journals that are free to slide axially are beyond their bearings, (N,) m.
+    """Return the distance by which a journal has slid beyond its bearing, (N,) m, by joint.
+
+    It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
 
     **Arguments:** `joints`: in scalar form, of NumPy numbers or arrays (N,); `bodies`: their states
     with the axis N first.
@@ -164,7 +172,10 @@ def slid_out(
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
-    """Whether any journal has slid out of its bearing; scene and bodies in scalar form."""
+    """Return whether any journal has slid out of its bearing.
+
+    **Arguments:** `scene`, `bodies`: in scalar form.
+    """
     motions = {GROUND: GROUND_MOTION}
     for name, body in bodies.items():
         rotation = rotation_matrix(body.orientation)
@@ -199,8 +210,10 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the force of the second body of each ideal joint on the first while the bodies are at
-    rest, N, (3,) in the first body's axes."""
+    """Return the load of each ideal joint while the bodies are at rest.
+
+    A load is the force of the second body on the first, N, (3,) in the first body's axes.
+    """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant.
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)

@@ -105,7 +105,9 @@ class _Instants(eqx.Module):
     - `undelayed`: (T,) indices in `rising` of the times without delay.
     - `at`, `before`, `after`: by number of a delay, (T,) indices in `rising` of the delayed times
       and of times slightly earlier and later.
-    - `inside`: by number of a delay, (T,) whether the delayed times are after the start.
+    - `inside`: by number of a delay, (T,) whether the delayed times are at or after the start.
+
+    A delay's number is its index among the parameters.
     """
 
     rising: jax.Array
@@ -120,32 +122,46 @@ class _Instants(eqx.Module):
 def _instants(
     runs: Experiment, coordinates: jax.Array, end_time: jax.Array
 ) -> tuple[_Instants, jax.Array]:
-    """Return the times at which to sample a run with delays, and the end of the run, s."""
-    values = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
+    """Return the times at which to sample a run with delays, and the end of the run, s.
+
+    A delayed output is needed at the sample times minus its delay, and slightly before and after
+    these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
+
+    **Arguments:** `coordinates`: (p,); `end_time`: s, time of the last sample to compare.
+    """
+    delays = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
     # A series with a negative delay is compared with the motion after its last sample.
-    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(values.values()))))
+    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(delays.values()))))
+    # Samples after the end time have no weight. Their times are replaced by the end time, because
+    # the run does not reach them.
     undelayed = jnp.minimum(runs.times, end_time)
+    # One row (T,) for the undelayed times, then three for each delay: at, before and after.
     rows, inside = [undelayed], {}
-    for number, delay in values.items():
-        shifted = undelayed - delay
-        inside[number] = shifted >= runs.start_time
-        rows += [jnp.clip(shifted + d, runs.start_time, end) for d in (0.0, -APART, APART)]
-    every = jnp.concatenate(rows)
-    order = jnp.argsort(every)
+    for number, delay in delays.items():
+        delayed = undelayed - delay
+        inside[number] = delayed >= runs.start_time
+        # The run has no motion before its start and after its end.
+        rows += [jnp.clip(delayed + shift, runs.start_time, end) for shift in (0.0, -APART, APART)]
+    unsorted = jnp.concatenate(rows)
+    order = jnp.argsort(unsorted)
     # The inverse permutation has the index of each time in the sorted array.
-    indices = jnp.argsort(order).reshape(len(rows), -1)
-    by_delay = {n: indices[1 + 3 * k : 4 + 3 * k] for k, n in enumerate(values)}
-    at, before, after = ({n: rows[k] for n, rows in by_delay.items()} for k in range(3))
-    return _Instants(every[order], indices[0], at, before, after, inside), end
+    row_indices = jnp.argsort(order).reshape(len(rows), -1)
+    at, before, after = (
+        {number: row_indices[1 + 3 * k + part] for k, number in enumerate(delays)}
+        for part in range(3)
+    )
+    return _Instants(unsorted[order], row_indices[0], at, before, after, inside), end
 
 
 @Compiled
 def _delayed(
     runs: Experiment, coordinates: jax.Array, instants: _Instants, sampled: Sampled
 ) -> Sampled:
-    """Return outputs and derivatives at the times minus their delays.
+    """Return outputs, (T,) each, and derivatives, (T, p) each, at the times minus their delays.
 
-    They are NaN at times that the run did not reach.
+    Outputs are NaN at times that the run did not reach.
+
+    **Arguments:** `sampled`: the run's outputs at `instants.rising`.
     """
     delay_of = {name: number for number, names in runs.delays for name in names}
     values, derivatives = {}, {}

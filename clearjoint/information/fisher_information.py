@@ -26,7 +26,11 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 
 
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) for the first rows of (N, p), up to each of T rising ends."""
+    """Return roots (T, p, p) of the information of the first samples.
+
+    **Arguments:** `rows`: (N, p) derivatives; `ends`: T rising numbers of rows. Root k is for the
+    rows before `ends[k]`.
+    """
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
     for end in ends:
@@ -171,5 +175,9 @@ def _equilibrated(
 
 
 def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Return which singular values, largest first along the last axis, are negligible."""
+    """Return a mask (..., k) of the negligible singular values.
+
+    **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
+    of the derivatives.
+    """
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -92,6 +92,9 @@ class FitHorizon:
     def warn_if_beyond(self, time: float) -> None:
         """Warn, with a `UserWarning`, if a record is too long for a fit by a single run.
 
+        The warning names each limit that the record exceeds, in ms, and suggests fitting windows
+        that grow from the smaller limit.
+
         **Arguments:** `time`: s, time of the record's last sample.
         """
         if time > self.single_shot:
@@ -109,13 +112,13 @@ class FitHorizon:
             warnings.warn(
                 f"The record ends at {1e3 * time:.4g} ms and is too long for a fit by a single "
                 f"run: {'; '.join(reasons)}. Fit windows that grow from "
-                f"{1e3 * min(self.single_shot, time):.4g} ms: identify(..., grow=[...]).",
+                f"{1e3 * self.single_shot:.4g} ms: identify(..., grow=[...]).",
                 UserWarning,
                 stacklevel=2,
             )
 
     def __str__(self) -> str:
-        """Limits, guesses, and standard deviations by length of the record, as text."""
+        """Return limits, guesses, and standard deviations by length of the record, as text."""
         end = float(self.times[-1])
         limits = [
             f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "

@@ -20,9 +20,11 @@ MARGIN = 0.05
 """Smallest distance of a refinement from the outer two of three points, as a part of the distance
 between these; later refinements would divide by a small number otherwise."""
 GUESS_MARGIN = 0.1
-"""The same for a position that is extrapolated from outside."""
+"""Smallest distance of a guess from the ends of the interval between two points, as a part of its
+length, if the guess is extrapolated with a third point outside the interval."""
 LARGEST_SHIFT = 0.25
-"""Largest correction of a parabola's vertex by a cubic, as a part of the same distance."""
+"""Largest correction of a parabola's vertex by a cubic, as a part of the distance between the outer
+two of the parabola's three points."""
 
 
 class Slope(NamedTuple):
@@ -33,7 +35,7 @@ class Slope(NamedTuple):
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Evaluate the cubic Hermite interpolant of a step of length h."""
+    """Return the value of the cubic Hermite interpolant at a position x in a step of length h."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -41,16 +43,17 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Evaluate the rate of the cubic Hermite interpolant."""
+    """Return the rate, per unit of h, of the cubic Hermite interpolant at a position x."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Approximate the root of the cubic interpolant, which has opposite signs at its ends.
+    """Return the approximate position of the root of the cubic Hermite interpolant.
 
-    Takes a few Newton steps in a shrinking bracket: not exact if the curvature is large.
+    The interpolant must have opposite signs at the ends of the step, whose length is h. A few
+    Newton steps in a shrinking bracket are taken, so the root is inexact for large curvature.
     """
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     x = start.value / (start.value - end.value)
@@ -68,9 +71,9 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Approximate the root of a function by secant steps, kept within the step.
+    """Return the approximate position, from 0 to 1, of the root of a function by secant steps.
 
-    `start` and `end`: its values at 0 and 1, of opposite signs.
+    **Arguments:** `start`, `end`: values of the function at 0 and 1, of opposite signs.
     """
     x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
     for _ in range(SECANT_STEPS):
@@ -168,9 +171,12 @@ class Point(NamedTuple):
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position of the maximum of the parabola through three points, in rising order.
+    """Return the position of the maximum of the parabola through three points.
 
-    It is between the first and the last point; without a maximum it is any position there.
+    The position is limited to the interval from the first to the last point. If the parabola has no
+    maximum, it is the middle point's.
+
+    **Arguments:** three points with rising positions.
     """
     left = _slope(first, middle)
     right = _slope(middle, last)
@@ -184,12 +190,15 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
 def highest_after(
     value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between two points, given one more point before them.
+    """Return the estimated maximum of a function between the points `first` and `last`.
 
-    Evaluates the function twice: at the maximum of the parabola through the three points, and at
-    that of the cubic through these and the result. The value is the largest one of the function, as
-    in `highest`. The position is the maximum of the last parabola, which is nearer to that of the
-    function than the positions of the evaluations.
+    The function is evaluated twice: at the maximum of the parabola through the three given points,
+    which gives a fourth point, and at the maximum of the cubic through all four points. The value
+    of the result is the largest known value of the function in the interval, as in `highest`. If an
+    inner point is the highest, the position of the result is the maximum of the parabola through it
+    and its neighbours, which is more accurate than the positions of the evaluations.
+
+    **Arguments:** three points with rising positions; `before` is outside the searched interval.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # Without a maximum of the extrapolated parabola the search begins in the middle.
@@ -205,8 +214,13 @@ def highest_after(
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position of the maximum of the cubic through four points, between the last three:
-    a Newton step from the maximum of their parabola."""
+    """Return the approximate position of the maximum of the cubic through four points.
+
+    It is one Newton step, of at most `LARGEST_SHIFT`, from the maximum of the parabola through the
+    last three points, and is limited to the interval from `first` to `last`.
+
+    **Arguments:** four points with rising positions.
+    """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
     # Newton's form of the cubic: the parabola plus twist (x - first)(x - middle)(x - last), whose
@@ -221,18 +235,18 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
 
 
 def _bend(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return half the second derivative of the parabola through three points."""
+    """Return the coefficient of x^2 of the parabola through three points."""
     return (_slope(middle, last) - _slope(first, middle)) / _positive(last.x - first.x)
 
 
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between the first and the last of three points.
+    """Return the estimated maximum of a function between the first and the last of three points.
 
-    Uses successive parabolic interpolation (R. Brent, Algorithms for Minimization without
-    Derivatives, 1973, ch. 5) with three evaluations. The result is a value of the function, which a
-    parabola through a kink would exceed.
+    Successive parabolic interpolation (R. Brent, Algorithms for Minimization without Derivatives,
+    1973, ch. 5) evaluates the function three times. The result is the highest evaluated point, and
+    not the vertex of a parabola, which would be too high at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # No refinement follows the last one, which needs no distance from the others.
@@ -245,8 +259,11 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return the higher of the two inner points among three, in rising order, and a new one between
-    them, with its neighbours."""
+    """Return the higher of two inner points between its two neighbours.
+
+    **Arguments:** `first`, `middle`, `last`: points with rising positions; `new`: a further point
+    between `first` and `last`. The inner points are `middle` and `new`.
+    """
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value

@@ -70,10 +70,14 @@ _Straight = Operation | LoadCell | StoreCell
 
 
 def llvm_text(program: Operations, name: str, result: Value | None = None) -> str:
-    """Return a module with one public function, `i64 name(double* memory)`.
+    """Return a program as the text of an LLVM module with one public function.
 
-    The function executes the program on memory, and returns `result` of the first lane, or 0. A
-    cell of memory has 8 bytes for each lane, which hold a float or a 64-bit integer.
+    In C, the function would be declared as ``int64_t name(double *memory)``. It executes the
+    program, whose cells it reads and writes in `memory`, at an address that is a multiple of 64. A
+    cell has 8 bytes for each lane, which hold a float or a 64-bit integer.
+
+    **Arguments:** `name`: name of the function; `result`: a 64-bit integer of the program, whose
+    number in the first lane the function returns. By default the function returns 0.
     """
     return _Writer(program).module(name, result)
 
@@ -95,6 +99,7 @@ class _Writer:
         self._products: dict[Value, tuple[Value, Value]] = {}
 
     def module(self, name: str, result: Value | None) -> str:
+        """Return the text of the module; arguments as for `llvm_text`."""
         block = self._program.block
         if result is not None:
             self._uses[result] += 1
@@ -118,6 +123,7 @@ class _Writer:
         return "\n".join([*self._declared.values(), *self._lines])
 
     def _first_lane(self, value: Value) -> str:
+        """Return LLVM's name of a value's number in the first lane."""
         word = self._word(value)
         if self._width == 1:
             return word

@@ -172,7 +172,7 @@ class Operations:
         return value
 
     def number(self, value: Value) -> Number | None:
-        """Return the number of a known value, else ``None``."""
+        """Return the number of a constant; ``None`` for a value that only the run determines."""
         return self.constants.get(value)
 
     def is_uniform(self, value: Value) -> bool:
@@ -277,12 +277,19 @@ class Operations:
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the number that a value, or each tangent of a vector, is known to be."""
+        """Return the number of a value, or the number that all elements of a vector have.
+
+        Return ``None`` if the number is unknown until the program runs.
+        """
+        # A vector with equal elements is made from one value by the operation "splat".
         name, arguments = self._definitions.get(value, ("", ()))
         return self.constants.get(arguments[0] if name == "splat" else value)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each tangent of a vector, is a number with the same sign."""
+        """Return whether a float, or each element of a vector, is known to be a given number.
+
+        0.0 and -0.0 count as different numbers.
+        """
         known = self.repeated_number(value)
         return (
             isinstance(known, float)
@@ -291,7 +298,10 @@ class Operations:
         )
 
     def _negated(self, value: Value, name: str) -> Value | None:
-        """Return x if a value is the result of `name` ("fneg" or "not") for x."""
+        """Return x if a value was computed as `name`(x), else ``None``.
+
+        **Arguments:** `name`: "fneg" or "not".
+        """
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 

@@ -33,6 +33,12 @@ PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 SUFFIXES = (".png", ".pdf")
 MOST_JOINTS, MOST_IMPACTS = 8, 8
+"""Largest numbers of joints and impacts that the tables list."""
+TABLE_EXTRA_LINES = 2.6
+"""Height of a table's head and of the gaps around the table, in lines of text."""
+MOTION_HEIGHT, FORCES_HEIGHT, CONTACT_HEIGHT, ENERGY_HEIGHT = 2.6, 2.4, 0.2, 2.5
+"""Heights of figures, inches, before they are stretched to fill the page: motion, forces with
+contact phases, addition to these for each contact, energies with the spectrum."""
 TITLE_HEIGHT = 0.4
 """Height of the title, inches."""
 MARGIN = 0.4
@@ -113,7 +119,7 @@ def report(
 
 
 def _inside_margins(figure: Figure) -> SubFigure:
-    """The part of the page inside the margins."""
+    """Return the part of the page inside the margins."""
     width, height = (length - 2.0 * MARGIN for length in PAGE)
     rows = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
     middle: SubFigure = rows[1, 0]
@@ -129,9 +135,12 @@ class ObservedRun(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A row of the page: its height, inches, the function that draws it, and whether it is a table.
+    """A row of the page.
 
-    Tables have the height of their lines; figures share the rest of the page.
+    - `height`: inches. A table has exactly this height; figures share the rest of the page in
+      proportion to their heights.
+    - `draw`: function that draws the row.
+    - `is_table`: whether the row is a table.
     """
 
     height: float
@@ -140,7 +149,7 @@ class _Part(NamedTuple):
 
 
 def _heights(parts: list[_Part]) -> list[float]:
-    """Heights of the rows, inches, so that they fill the page."""
+    """Return the heights of the rows, inches, with figures stretched so that the page is full."""
     tables = sum(part.height for part in parts if part.is_table)
     pictures = sum(part.height for part in parts if not part.is_table)
     stretch = (PAGE[1] - 2.0 * MARGIN - TITLE_HEIGHT - tables) / pictures
@@ -154,26 +163,36 @@ def _parts(
     run: ObservedRun,
     record: xr.DataArray,
 ) -> list[_Part]:
-    """The rows of the page, from top to bottom, for which the run has data."""
+    """Return the rows of the page from top to bottom, without those that would be empty.
+
+    Forces need clearance joints, and the table of impacts needs recorded impacts.
+
+    **Arguments:** `run`: the run, for the figures; `record`: quantity of the spectrum over time.
+    """
     lines, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
-    height = LINE * (len(lines) + len(joints) + 2.6)
-    parts = [_Part(height, lambda row: draw_description(row, lines, joints), True)]
-    parts += [_Part(2.6, lambda row: draw_motion(row, scene, run.path, run.along))]
+    height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
+    parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
+    parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, run.path, run.along))]
     if run.along.contacts:
-        height = 2.4 + 0.2 * len(run.along.contacts)
+        height = FORCES_HEIGHT + CONTACT_HEIGHT * len(run.along.contacts)
         parts += [_Part(height, lambda row: draw_over_time(row, run.along))]
-    parts += [_Part(2.5, lambda row: draw_energies(row, run.at_ends, record))]
+    parts += [_Part(ENERGY_HEIGHT, lambda row: draw_energies(row, run.at_ends, record))]
     if solution.impacts:
         impacts = impact_rows(solution.impacts, MOST_IMPACTS)
-        height = LINE * (len(impacts) + 2.6)
-        parts += [_Part(height, lambda row: draw_impacts(row, impacts), True)]
+        height = LINE * (len(impacts) + TABLE_EXTRA_LINES)
+        parts += [_Part(height, lambda row: draw_impacts(row, impacts), is_table=True)]
     return parts
 
 
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
-    """The quantity of the spectrum at the saved states, or along the steps if none are saved."""
+    """Return the quantity of the spectrum over time.
+
+    It is taken at the saved states, or at the ends of the steps if no states are saved. Without a
+    given quantity it is the component of the last body's velocity that changes most, or of its spin
+    if its centre has a constant velocity.
+    """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
@@ -185,7 +204,7 @@ def _record(
 
 
 def _component(trajectory: Trajectory, vectors: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """The component of vectors (N, 3) that changes most."""
+    """Return the component of vectors (N, 3) that has the largest range, as a labelled array."""
     axis = int(np.argmax(np.ptp(vectors, axis=0)))
     times = xr.DataArray(np.asarray(trajectory.times), dims="time", attrs={"units": "s"})
     name, attrs = f"{name} {'xyz'[axis]}", {"units": unit}

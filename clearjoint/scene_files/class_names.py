@@ -25,14 +25,21 @@ def require_classes(given: Classes) -> None:
 
 
 def class_name(kind: type) -> str:
-    """Name of a class in files: without its module if it belongs to the package."""
+    """Return the name of a class in files: "Class" if it belongs to the package, else
+    "module:Class"."""
     if is_from_package(kind):
         return kind.__name__
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
 def known_classes(families: tuple[type, ...], given: Classes) -> dict[str, type]:
-    """Concrete subclasses of these base classes, by all names that a file may use for them."""
+    """Return the classes that a file may name, by name.
+
+    A class that the caller passes may have two names, with and without its module.
+
+    **Arguments:** `families`: base classes, one of which a class must have, or none for any class;
+    `given`: user-defined classes that the caller passes.
+    """
     families = families or (object,)
     included = filter(is_from_package, _subclasses(AbstractReadable))
     named = {kind.__name__: kind for kind in (*given, *included)}
@@ -45,21 +52,30 @@ def known_classes(families: tuple[type, ...], given: Classes) -> dict[str, type]
 
 
 def is_abstract(kind: type) -> bool:
-    """Whether a class is only a base of others."""
+    """Return whether a class is only a base of others."""
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
 def family_names(families: tuple[type, ...]) -> str:
-    """Names of base classes for a message: "AbstractForce or AbstractFilm"."""
+    """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
     return " or ".join(kind.__name__ for kind in families)
 
 
 def find_class(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
 ) -> type:
-    """The class with the name that a file gives.
+    """Return the class that a file names.
 
-    **Raises:** `ValueError` for a class with another base, or one that the caller has not passed.
+    **Arguments:**
+
+    - `name`: the name in the file. For "__main__:Class", which a script has saved, a class "Class"
+      of any module is found.
+    - `families`: base classes, one of which the class must have, or none for any class.
+    - `given`: user-defined classes that the caller passes.
+    - `location`: place of the name in the file, for error messages.
+
+    **Raises:** `ValueError` if the name is no text or no known class, if the class has none of the
+    base classes, or if the caller has not passed a user-defined class.
     """
     known = known_classes(families, given)
     if not isinstance(name, str):
@@ -87,8 +103,11 @@ def find_class(
 def find_factory(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
 ) -> tuple[type, str]:
-    """The class with the name that a file gives, and its factory method if the file names one
-    ("Body.rod").
+    """Return the class that a file names, and the name of its factory method.
+
+    The file may name a method, as in "Body.rod"; otherwise the second result is "".
+
+    **Arguments:** as for `find_class`.
 
     **Raises:** `ValueError` as `find_class`, and for an unknown factory method.
     """
@@ -103,7 +122,7 @@ def find_factory(
 
 
 def is_from_package(kind: type) -> bool:
-    """Whether a class belongs to the package."""
+    """Return whether a class belongs to the package."""
     return kind.__module__.split(".")[0] == PACKAGE
 
 

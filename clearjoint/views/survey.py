@@ -20,12 +20,13 @@ class Bore(NamedTuple):
 
 
 class SurveyingPen(AbstractPen):
-    """Collects the markers of elements.
+    """Collects the markers of elements, instead of drawing them.
 
     - `markers`: all markers.
-    - `joined`: pairs of markers that coincide in an assembled mechanism, and are parallel if both
-      have an axis.
-    - `bores`: of all journals and balls with clearance.
+    - `joined`: pairs of markers whose points are put together in a guess of the initial state, with
+      parallel axes if both have one. For a sliding block, for instance, this is one of the allowed
+      positions.
+    - `bores`: the bores of all journals and balls with clearance.
     """
 
     def __init__(self) -> None:
@@ -34,48 +35,54 @@ class SurveyingPen(AbstractPen):
         self.bores: list[Bore] = []
 
     def _join(self, first: Marker, second: Marker) -> None:
+        """Add two markers, and add them as a pair to `joined`."""
         self.markers += [first, second]
         self.joined.append((first, second))
 
     def mark(self, marker: Marker) -> None:
-        """Note a point."""
+        """Add the marker."""
         self.markers.append(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """Note two points that coincide."""
+        """Add two points that coincide."""
         self._join(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
-        """Note two axes that coincide."""
+        """Add two axes that coincide."""
         self._join(first, second)
 
     def ball(self, first: Marker, second: Marker) -> None:
-        """Note two points that coincide."""
+        """Add two points that coincide."""
         self._join(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Note two points that coincide; their axes are perpendicular."""
+        """Add two points that coincide, without their axes, which are perpendicular."""
         self._join(first._replace(axis=None), second._replace(axis=None))
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Note two points on one line."""
+        """Add a rail and a block or sleeve on it.
+
+        The block is joined to the point of the rail's marker, although it may be anywhere on the
+        line through this point. Whether the block can turn does not matter.
+        """
         del turning
         self._join(rail, block)
 
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Note two points in one plane."""
+        """Add a plane and a point in it; the point is joined to the point of the plane's
+        marker."""
         self._join(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
-        """Note two points."""
+        """Add two points, which are not joined."""
         self.markers += [first, second]
 
     def spring(self, first: Marker, second: Marker) -> None:
-        """Note two points."""
+        """Add two points, which are not joined."""
         self.markers += [first, second]
 
     def load(self, marker: Marker, force: Triple) -> None:
-        """Note a point."""
+        """Add the point of action; the force, N, is not used."""
         del force
         self.markers.append(marker)
 
@@ -88,33 +95,33 @@ class SurveyingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Note two axes that coincide, and the bore."""
+        """Add two axes that coincide, and the bore; `radius`, `clearance` and `length` in m."""
         del length
         self._join(bearing, journal)
         self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Note two points that coincide, and the bore."""
+        """Add two points that coincide, and the bore; `radius` and `clearance` in m."""
         self._join(socket, ball)
         self.bores.append(Bore(float(radius), float(clearance)))
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Note two points."""
+        """Add the middle between two walls and a runner, joined without their axes."""
         del normal, distance
         self._join(middle._replace(axis=None), runner._replace(axis=None))
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Note a point without its axis, which lies in the plane of motion."""
+        """Add the centre without its axis, which lies in the plane of motion."""
         del normal, length, height
         self.markers.append(centre._replace(axis=None))
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Note a point."""
+        """Add the centre."""
         del radius
         self.markers.append(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Note a point and its axis."""
+        """Add the centre with its axis."""
         del radius, teeth, phase
         self.markers.append(centre)
 

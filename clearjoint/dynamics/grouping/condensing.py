@@ -77,11 +77,13 @@ def groups(scene: Scene) -> list[GroupName]:
 
 
 def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict[str, T]:
+    """Return bodies or joints by name, with the members of groups replaced by the groups."""
     grouped = {member for group in groups for member in group.members}
     return {name: one for name, one in family.items() if name not in grouped} | dict(groups)
 
 
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
+    """Return joints with the same structure as one joint whose numbers are arrays."""
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
@@ -91,7 +93,14 @@ def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
 
 
 def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
-    """Return lists of names with equal keys other than ``None``, of at least `SMALLEST` names."""
+    """Sort names into groups with equal keys.
+
+    Groups of fewer than `SMALLEST` names are left out, and so are names whose key is ``None``.
+
+    **Arguments:** `keys`: the key of each name.
+
+    **Returns:** the names of each group.
+    """
     families: dict[Hashable, list[str]] = {}
     for name, key in keys.items():
         if key is not None:
@@ -100,8 +109,10 @@ def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Return a key that is equal for trees whose scalars can be stacked; ``None`` if a leaf is no
-    scalar."""
+    """Return a key that is equal for trees whose scalars can be stacked.
+
+    Return ``None`` if a leaf is no scalar.
+    """
     leaves, structure = jax.tree.flatten(tree)
     parts = []
     for leaf in leaves:
@@ -115,8 +126,10 @@ def _structure(tree: PyTree) -> Hashable | None:
 
 
 def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
-    """Return a key that is equal for joints of one group; ``None`` if the joint cannot be
-    grouped."""
+    """Return a key that is equal for joints of one group.
+
+    Return ``None`` if the joint cannot be grouped.
+    """
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None
@@ -150,7 +163,7 @@ def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractCon
 
 
 def _has_rows(joint: AbstractContactJoint) -> bool:
-    """Whether the joint adds constraint equations to its contacts."""
+    """Return whether the joint has constraint rows besides its contacts."""
     number = jnp.ones(())
     vector = Vector(number, number, number)
     motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)

@@ -40,7 +40,11 @@ class AbstractDrive(AbstractPair):
         require_euler_parameters("orientation", self.orientation)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the angle in rad, within (-pi, pi], as a row."""
+        """Return the second body's angle about the axis relative to the first body, as a row.
+
+        The row has the value of the angle, rad within (-pi, pi], and its Jacobian. The angle is
+        right-handed about the axis.
+        """
         axis = unit(self.axis)
         start, _ = transverse_axes(axis)
         direction = rotation_matrix(self.orientation).transposed_times(start)
@@ -89,7 +93,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
         """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the angle minus the prescribed angle, rad."""
+        """Return one row, "angle": the angle minus the prescribed angle, rad modulo 2 pi."""
         row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
@@ -155,7 +159,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         """
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the torque on the second body and its reaction on the first."""
+        """Return the torque on the second body and its reaction on the first, by body."""
         angle = self.relative_angle(motions)
         torque = self.torque_at(angle.value, _rate(angle, motions), t)
         return {

@@ -32,9 +32,13 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 
 
 class _Strain(NamedTuple):
-    """Deformation along the bushing's axes: shift, m, rotation vector, rad, and their rates.
+    """Deformation of the bushing, with components along its axes.
 
-    `axes` transforms components along the bushing's axes to global components.
+    - `axes`: matrix that transforms components along the bushing's axes to global components.
+    - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
+      its rate, m/s.
+    - `rotation`, `rotation_rate`: rotation vector of the second body's frame relative to the
+      first's, rad, and its rate, rad/s.
     """
 
     axes: Matrix
@@ -88,10 +92,13 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def _strain(self, motions: Motions) -> _Strain:
+        """Return the deformation of the bushing in a motion of its bodies."""
         first, second = motions[self.first], motions[self.second]
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
         apart = second.point(self.point_second) - first.point(self.point_first)
+        # The relative velocity is measured from the first body's material point at the place of the
+        # second body's point, so that a common rotation does not count as deformation.
         point_in_first = self.point_first + first.components(apart)
         velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)
@@ -105,36 +112,45 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         )
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return equal and opposite forces at the second body's point, and equal and opposite
-        torques."""
+        """Return the forces and torques of springs and dampers on both bodies, by body.
+
+        On the first body they act in the direction of the deformation, on the second body they are
+        equal and opposite.
+        """
         del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
-        along = strain.shift.componentwise_product(
+        # Components along the bushing's axes: forces, N, that belong to the shift, and a moment, N m,
+        # that belongs to the rotation vector.
+        forces_along = strain.shift.componentwise_product(
             self.stiffness
         ) + strain.shift_rate.componentwise_product(self.damping)
-        about = strain.rotation.vector.componentwise_product(
+        conjugate_moment = strain.rotation.vector.componentwise_product(
             self.rotational_stiffness
         ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
-        force = strain.axes @ along
-        torque = strain.axes @ strain.rotation.torque(about)
+        force = strain.axes @ forces_along
+        # The moment's power is its product with the rate of the rotation vector, which differs from
+        # the relative angular velocity for large rotations. The torque has the same power with the
+        # angular velocity; without this conversion the elastic torque would not be conservative.
+        torque = strain.axes @ strain.rotation.torque(conjugate_moment)
+        # Both forces act at the second body's point. Opposite forces at two points that are apart
+        # may form a couple, which would not conserve angular momentum.
         apart = second.point(self.point_second) - first.point(self.point_first)
         point_in_first = self.point_first + first.components(apart)
-        # Both forces act at the second body's point, which conserves angular momentum.
         return {
             self.first: first.wrench(force, point_in_first) + first.torque(torque),
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the energy of the six springs, J."""
+        """Return the energy of the springs along and about the three axes, J."""
         del t
         strain = self._strain(motions)
         energy = _weighted(self.stiffness, strain.shift)
         return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return minus the dissipation of the six dampers, W."""
+        """Return the power of the dampers along and about the three axes, W; never positive."""
         del t
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)

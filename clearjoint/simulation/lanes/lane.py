@@ -46,20 +46,32 @@ LATEST = ""
 
 
 class CrossingRecord(eqx.Module):
-    """The level of a section after the latest step, and the crossings so far."""
+    """Crossings of a section that a lane has recorded.
+
+    - `level`: the section's quantity after the latest accepted step, in its unit; a crossing is
+      where it rises through zero.
+    - `rows`: time and state at the crossings that the host has not read yet.
+    """
 
     level: Scalar
     rows: RowBuffer[Snapshot]
 
 
 class CrossingRecorder(eqx.Module):
-    """Records the crossings of a section, at most `wanted` more."""
+    """Records the crossings of a section.
+
+    `wanted`: number of crossings to record, besides those that the host has already read.
+    """
 
     section: Crossing
     wanted: Scalar
 
     def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
-        """Return the record after a step was tried, with its crossing if one is wanted."""
+        """Return the record after a step was tried.
+
+        If the step was accepted and has a crossing, and if more crossings are wanted, the record
+        includes it.
+        """
         kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
         row = self.section.row(step_outcome, before, after)
         rises = kept & (before < 0.0) & (after >= 0.0)

@@ -219,14 +219,18 @@ class _LaneSlot:
     rows: dict[str, list[np.ndarray]]
 
     def recorded(self, log: str) -> int:
-        """The number of rows read from a log."""
+        """Return the number of rows that the host has read from a log."""
         return sum(map(len, self.rows[log]))
 
 
 @dataclass
 class _Record:
-    """A lane that has ended: the cells of its outcome, and by log the cells of its recorded blocks,
-    (blocks, cells), and the number of rows."""
+    """A lane that has ended.
+
+    - `lane`: its number.
+    - `outcome`: (cells,) cells of its outcome.
+    - `logs`: by log, the cells of the recorded blocks, (blocks, cells), and the number of rows.
+    """
 
     lane: int
     outcome: np.ndarray
@@ -238,7 +242,7 @@ class _Shared:
     """State that the groups of a batch share.
 
     - `waiting`: numbers of the lanes that have not begun; `records`: lanes that have ended;
-      `times`: times that running lanes have reached, s, by number.
+      `times`: times that running lanes have reached, s, by number of the lane.
     - `finished`: set when a group has ended; `stops`: whether all groups are to stop.
     """
 
@@ -315,7 +319,7 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
-        """Read the rows of lanes that wait for it, and end the lanes that are done."""
+        """Empty the buffers of lanes that have paused, and end the lanes that are done."""
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
         ended: list[int] = []
@@ -386,14 +390,26 @@ def _deliver(
     on_progress: Callable[[Running], None],
     stopped: Callable[[], bool],
 ) -> None:
-    """Hand over lanes that have ended, until all groups have stopped."""
-    going = True
-    while going:
+    """Pass ended lanes and progress to the callbacks, until all groups have stopped.
+
+    The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
+
+    **Arguments:** `on_ended`: receives lanes that have ended since its last call; `on_progress`:
+    receives the progress of the running lanes; `stopped`: returns whether the user has interrupted
+    the batch, in which case all groups stop.
+
+    **Raises:** the error of a group, after its finished lanes have been passed on.
+    """
+    groups_run = True
+    while groups_run:
         shared.finished.wait(PERIOD)
         shared.finished.clear()
         shared.stops = shared.stops or stopped()
-        # This comes before the records are taken, or those of a group that ends now would be lost.
-        going = not all(group.ended for group in groups)
+        # A group adds its last records before it counts as ended. So the groups are asked first and
+        # the records are taken afterwards: in the other order, the records that a group adds in
+        # between would be lost, because there would be no further iteration.
+        groups_run = not all(group.ended for group in groups)
+        # The length is read once, since the groups may append while records are taken.
         records = [shared.records.popleft() for _ in range(len(shared.records))]
         if records:
             on_ended(_ended(shared, records))
@@ -404,7 +420,7 @@ def _deliver(
 
 
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
-    """Return lanes that have ended as trees, from their cells."""
+    """Return lanes that have ended, with their outcomes and logs converted from cells."""
     programs, logs = shared.programs, {}
     for name, length in shared.batch.lengths.items():
         found = [record.logs[name] for record in records]

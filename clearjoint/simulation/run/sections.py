@@ -49,13 +49,15 @@ class Crossing(eqx.Module):
     after: Scalar
 
     def level(self, now: Instant) -> Scalar:
-        """Return the quantity that is zero at a crossing, in its unit."""
+        """Return the section's level, which is the quantity that is zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def row(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
-        """Return time and state at the crossing in an accepted step, from the levels at its ends.
+        """Return time and state at the crossing in an accepted step.
 
-        Of a step without a crossing the result has no meaning.
+        For a step without a crossing the result has no meaning.
+
+        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
         """
         system = step_outcome.system
 
@@ -73,9 +75,10 @@ def crossing_row(
     after: Scalar,
     value: Callable[[Snapshot], Scalar],
 ) -> Snapshot:
-    """Return the row inside a step where a function of rows rises through zero.
+    """Return time and state at the instant of a step at which a function rises through zero.
 
-    **Arguments:** `before`, `after`: its values at both ends of the step.
+    **Arguments:** `value`: the function of time and state; `before`, `after`: its values at the
+    start and the end of the step.
     """
     start, end = dense_step.start.t, dense_step.end.t
     x = secant_root(lambda x: value(dense_step.within(method, x)), before, after)
@@ -101,14 +104,22 @@ class SectionRecorder(eqx.Module):
 
 
 class SectionRecord(eqx.Module):
-    """The level of a section after the latest step, and the table of its crossings."""
+    """The crossings of a section in a run so far.
+
+    - `level`: the section's quantity after the latest accepted step, in its unit.
+    - `table`: time and values of the channels at each crossing.
+    """
 
     recorder: SectionRecorder
     level: Scalar
     table: RowBuffer[dict[str, Scalar]]
 
     def after(self, step_outcome: StepOutcome) -> "SectionRecord":
-        """Return the record after a step was tried, with its crossing if it had one."""
+        """Return the record after a step was tried.
+
+        Its table includes the step's crossing if the step was accepted, the time of the crossing is
+        not below `Crossing.after`, and the table has room.
+        """
         recorder, kept = self.recorder, step_outcome.kept
         crossing, before = recorder.crossing, self.level
         after = crossing.level(step_outcome.now)
@@ -134,8 +145,11 @@ def after_sections(
 
 
 class Crossings(AbstractReadable, AbstractTabular):
-    """Crossings of a section: `times`, (N,) s, and the values of each channel then, `values[name]`,
-    (N,), in `units[name]`.
+    """N crossings of a section.
+
+    - `times`: (N,) s, times of the crossings.
+    - `values`: by name of a channel, (N,) values of its quantity at the crossings.
+    - `units`: by name of a channel, the unit of its values.
 
     >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period

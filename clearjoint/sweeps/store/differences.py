@@ -17,9 +17,12 @@ Part = Note | np.ndarray
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
-    `kept` has the lane of the wanted sweep for each lane of the store, in its order; -1 for none.
     Additional lanes, axes and variables are not differences, because a store can be extended.
-    Differences between notes are listed only if there are other differences: they may explain them.
+    Differences between notes are listed only if there are other differences, which they may
+    explain.
+
+    **Arguments:** `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if
+    the wanted sweep lacks the row's lane.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -38,6 +41,7 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
+    """Return the settings of a sweep by their names in messages."""
     settings: dict[str, Part] = {
         f"setting {name}": value for name, value in layout.settings.items()
     }
@@ -54,6 +58,7 @@ def _parts(layout: Layout) -> dict[str, Part]:
 
 
 def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
+    """Yield a line for each part that differs or that only one of the two sweeps has."""
     for name in {**stored, **wanted}:
         one, other = stored.get(name), wanted.get(name)
         if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
@@ -84,7 +89,12 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
 
 
 def _programs(stored: Contents, wanted: Contents, only_outputs: bool) -> Iterator[str]:
-    """Yield a line for each program with another digest."""
+    """Yield a line for each stored program whose digest differs in the wanted sweep.
+
+    **Arguments:** `only_outputs`: whether to compare only the programs of outputs, and not the
+    program of the run.
+    """
+    # A program that only the stored sweep has is no difference in code: it is compared with itself.
     old, new = stored.identity.programs, wanted.identity.programs
     for name, program in old.items():
         if program != new.get(name, program) and not (only_outputs and name == RUN):
@@ -93,7 +103,10 @@ def _programs(stored: Contents, wanted: Contents, only_outputs: bool) -> Iterato
 
 
 def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each output that is saved at other times."""
+    """Yield a line for each output whose save times differ in any lane that both sweeps have.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
     old, new = stored.identity.lanes, wanted.identity.lanes
     for name in (old.keys() & new.keys()) - {RUN}:
         others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
@@ -102,6 +115,7 @@ def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterato
 
 
 def _outline(variable: Variable) -> str:
+    """Return the dtype, dimensions and attributes of a variable as text."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
@@ -109,6 +123,7 @@ def _outline(variable: Variable) -> str:
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
+    """Return the end of a line: how the stored part differs from the wanted one."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"

@@ -81,24 +81,34 @@ class SweepStore:
 
     @classmethod
     def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
-        """Open the store at a path, or create it, and add missing lanes and variables.
+        """Open the store of a sweep at a path, or create it if there is nothing at the path.
 
-        **Raises:** `ValueError` if there is something other than a store, or the store of a sweep
-        with other settings or with lanes or variables that this one lacks.
+        If the stored sweep has fewer lanes or variables than the requested one, the store is
+        extended.
+
+        **Arguments:** `layout`, `identity`: those of the requested sweep.
+
+        **Raises:** `ValueError` if there is something other than a store at the path, or if the
+        stored sweep has other settings, or lanes or variables that the requested sweep lacks.
         """
         path = Path(path)
+        # Processes that were killed may have left partly written stores beside the path.
         remove_abandoned(path)
         if not path.exists():
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
-        contents_of(path)  # Raises an error if there is no store to lock.
+        # Raises an error if the path has no store, before the lock writes a file there.
+        contents_of(path)
         with locked(path / BY_LANE):
+            # Read again, because another process may have extended the store before the lock.
             stored = contents_of(path)
-            wanted = _joined(path, stored, Contents(layout, identity, stored.order))
-            lanes, variables = len(stored.order), set(stored.layout.variables)
-            if lanes < layout.lanes or variables < set(layout.variables):
-                extend(path, wanted)
-                write_grid(path, _labelled(path, wanted))
-        return cls(path, wanted)
+            # The order of the rows is a placeholder: `_joined` computes it.
+            requested = Contents(layout, identity, stored.order)
+            extended = _joined(path, stored, requested)
+            stored_lanes, stored_variables = len(stored.order), set(stored.layout.variables)
+            if stored_lanes < layout.lanes or stored_variables < set(layout.variables):
+                extend(path, extended)
+                write_grid(path, _labelled(path, extended))
+        return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
         """Return the lanes that are not done, by chunk.
@@ -230,7 +240,10 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents with the stored lanes first, in their order.
+    """Return the wanted contents in the order of the store's rows.
+
+    The stored lanes keep their rows; lanes that the store lacks get rows at the end. The order of
+    `wanted` is not used.
 
     **Raises:** `ValueError` that lists the differences, if the store has another sweep.
     """
@@ -249,7 +262,11 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Return the pending lanes by chunk, from codes in the order of the store's rows."""
+    """Return the pending lanes by number of their chunk.
+
+    **Arguments:** `codes`: (rows,) result code of each row of the store; `order`: (rows,) lane in
+    each row; `chunk`: number of rows of a chunk.
+    """
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
@@ -257,6 +274,7 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
+    """Read all results of a store, with labels."""
     group = opened_group(path / BY_LANE, "r")
     return labelled(contents, _arrays(path, group, contents))
 
