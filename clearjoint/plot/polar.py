@@ -88,7 +88,10 @@ def _weights(
     sectors: int,
     section: CrossSection | None,
 ) -> np.ndarray:
-    """Impulse, N s, or largest force, N, in each sector."""
+    """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
+
+    **Returns:** (sectors,), in the order of the angle of the eccentricity.
+    """
     x, y = eccentricity_vectors(observation, joint, base, section).T
     angle = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # in full turns
     sector = np.minimum((angle * sectors).astype(int), sectors - 1)
@@ -96,6 +99,7 @@ def _weights(
     if weight == "force":
         np.maximum.at(weights, sector, force)
     else:
+        # Trapezoidal rule: each instant has half of the interval before it and after it.
         halves = 0.5 * np.diff(observation.times)
         np.add.at(weights, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
     return weights
@@ -129,7 +133,12 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
 
 
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
-    """Volumes of the sectors of a base, m^3, in order."""
+    """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
+
+    **Arguments:** `name`: the variables of `lane` are "<name> 1", "<name> 2" and so on.
+
+    **Raises:** `ValueError` for a dataset with several lanes.
+    """
     names, k = [], 1
     while f"{name} {k}" in lane:
         names.append(f"{name} {k}")
@@ -143,7 +152,10 @@ def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
 def _bars(
     weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
 ) -> None:
-    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale."""
+    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale.
+
+    **Arguments:** `weights`: (sectors,) by label of the base; `quantity`: name and SI unit.
+    """
     sectors = len(next(iter(weights.values())))
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
     tops = (
@@ -168,21 +180,29 @@ def _bars(
 
 
 def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
-    """The angle, degrees, between two grid lines where bars are smallest."""
+    """Return the angle, degrees, for the labels of the radius: where bars are smallest.
+
+    It is chosen halfway between grid lines, which are 45 degrees apart.
+
+    **Arguments:** `middles`, `tops`: (sectors,) angle, rad, and height of the bars.
+    """
     angles = 22.5 + 45.0 * np.arange(8)
     distance = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
     return float(angles[np.argmin(np.where(np.abs(distance) < 22.5, tops, 0.0).sum(axis=1))])
 
 
 def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
-    """Labels of the angles in degrees; 0° and 90° also have the directions' names."""
+    """Return labels of the angles in degrees; those of 0° and 90° contain the names given."""
     names = {0: right, 90: up}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
     return [f"{names[angle]}, {angle}°" if angle in names else f"{angle}°" for angle in degrees]
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Factor to a suitable unit, and that unit; volumes are in mm³ or µm³."""
+    """Return the factor from an SI unit to a unit that suits the values, and the latter's name.
+
+    Volumes are in mm³, µm³, or µm³ times a power of 1000.
+    """
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)
