@@ -72,7 +72,9 @@ def prepare_folder(folder: Path) -> str | None:
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder.
 
-    **Raises:** `OSError` if there is none.
+    The result is ``True`` on systems without POSIX permissions, such as Windows.
+
+    **Raises:** `OSError` if the folder doesn't exist.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -81,7 +83,7 @@ def is_private(folder: Path) -> bool:
 
 
 class ProgramStore:
-    """A folder of programs."""
+    """A folder of compiled programs, one file for each key."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes

@@ -110,7 +110,7 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact exists.
+    """Return whether each contact is closed, which means that its penetration is positive.
 
     If steps land on contact events, a contact stays open or closed for a whole step. A trial step
     past a wall then meets no force: it is as smooth as flight, and the crossing is found at once.
@@ -122,21 +122,21 @@ def closed(gaps: ContactGaps) -> Closed:
 
 
 def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
-    """Whether any contact begins between two instants."""
+    """Return whether any contact is open at the first of two instants and closed at the second."""
     return any_of(
         (start.depth <= 0.0) & (end.depth > 0.0) for start, end in gap_pairs(before, after)
     )
 
 
 def changes(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Whether any contact begins or ends between two instants."""
+    """Return whether any contact is closed at only one of two instants."""
     return any_of(
         (start.depth > 0.0) != (end.depth > 0.0) for start, end in gap_pairs(before, after)
     )
 
 
 def touches(gaps: ContactGaps) -> Condition:
-    """Whether any contact exists."""
+    """Return whether any contact is closed."""
     return any_of(gap.depth > 0.0 for gap in _all_gaps(gaps))
 
 
@@ -152,12 +152,12 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Whether any contact begins at the instant itself: it is closed, but at the wall."""
+    """Return whether any contact begins at this instant: its depth is positive but negligible."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Whether any contact is deeper than the geometry of its joint allows."""
+    """Return whether any contact is deeper than the geometry of its joint allows."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()

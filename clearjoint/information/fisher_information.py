@@ -106,7 +106,10 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return the correlations (p, p) of estimates from their covariance (p, p)."""
+    """Return the correlations (p, p) of estimates from their covariance (p, p).
+
+    Correlations with an estimate of zero variance are NaN.
+    """
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
         return covariances / np.outer(deviations, deviations)

@@ -134,7 +134,11 @@ class FitHorizon:
         return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
 
     def _deviations_by_length(self) -> list[str]:
-        """Return a table of standard deviations for records up to the limits, and for the whole."""
+        """Return lines of a table of the parameters' standard deviations.
+
+        It has a row for the whole record, and a row for the record up to each limit that is
+        reached.
+        """
         deviations = self.information.over_time()
         lengths = {float(self.times[-1])}
         lengths |= {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
@@ -216,9 +220,14 @@ def fit_horizon(
 
 @dataclass(frozen=True)
 class _PerturbedRuns:
-    """Runs of a scene with different values of its parameters, observed by the same sensors.
+    """A scene that can be run with different values of its p parameters.
 
-    They differ only in values, so that one compiled program serves all.
+    Runs differ only in numbers, so that all of them use the same compiled program.
+
+    - `scene`, `state`: the scene and its initial state.
+    - `parameters`: the parameters by name, in the order of the coordinates.
+    - `sensors`: sensors by name; a run ends at the last of their times.
+    - `start_time`: s.
     """
 
     scene: Scene
@@ -228,10 +237,15 @@ class _PerturbedRuns:
     start_time: float
 
     def run(self, coordinates: np.ndarray, settings: Settings, *, throw: bool) -> Sensitivities:
-        """Run at coordinates (p,) of the parameters.
+        """Run the scene, with derivatives, at coordinates (p,) of the parameters.
 
-        Derivatives are with respect to these and, last, to the perturbation of the initial
-        velocity. Outputs are those of the sensors, and points and penetrations of `error_growth`.
+        **Arguments:** `throw`: whether to raise an error if the run fails; otherwise the result
+        ends where the run failed.
+
+        **Returns:** the channels of the sensors, coordinates of points of the bodies, m, and
+        penetrations of the contacts, m, at the T times of the sensors. Their derivatives are
+        (T, p + 1), with respect to the coordinates and, in the last column, to the perturbation of
+        the initial velocity, per m/s.
         """
         values = zip(self.parameters.items(), coordinates, strict=True)
         perturbed = {
@@ -252,7 +266,11 @@ class _PerturbedRuns:
         )
 
     def weights(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Return weights (T,) of each output: the inverse noise, zero at times without a sample."""
+        """Return weights (T,) of each channel by name, for times (T,), s.
+
+        A weight is the inverse of the noise, in the inverse of the channel's unit; it is zero at
+        times without a sample.
+        """
         weights = {}
         for name, sensor in self.sensors.items():
             weight = np.zeros(len(times))
@@ -264,9 +282,11 @@ class _PerturbedRuns:
 def _errors(
     runs: _PerturbedRuns, run: Sensitivities, loose: Sensitivities
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds (T,) of the errors of a run's values and derivatives, from a looser run.
+    """Return bounds (T,) of the errors of a run's values and derivatives.
 
     The error of the values is in units of the noise, the error of the derivatives is relative.
+
+    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger.
     """
     weights = runs.weights(run.times)
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
@@ -290,7 +310,13 @@ def _wrong_guess(
     offsets: np.ndarray,
     settings: Settings,
 ) -> descent_paths.WrongGuess:
-    """Return the guess with these offsets from the truth, and the records that block its path."""
+    """Return a wrong guess and the records with which a fit from it fails.
+
+    **Arguments:**
+
+    - `truth`: (p,) coordinates of the parameters, with which `true_run` was computed.
+    - `offsets`: (p,) guess less truth, in coordinates.
+    """
     weights, times = runs.weights(true_run.times), true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
     blocked = np.zeros(len(times), bool)

@@ -14,7 +14,10 @@ from ..quantities.base import Quantity, check_quantity
 
 
 class SampledChannel(Protocol):
-    """One sampled channel, such as a measured `Series`; values are not needed."""
+    """An object with a channel, times and noise, such as a measured `Series`.
+
+    Measured values are not needed.
+    """
 
     @property
     def channel(self) -> Quantity:
@@ -28,7 +31,7 @@ class SampledChannel(Protocol):
 
     @property
     def noise(self) -> ArrayLike:
-        """Standard deviation of each sample in SI, a number or (N,)."""
+        """Standard deviation of each sample, a number or (N,), in the channel's SI unit."""
         ...
 
 
@@ -82,11 +85,11 @@ def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray)
 
 
 class SeriesByName(Protocol):
-    """Series by name, such as `Measurements`."""
+    """An object with sampled channels by name in its property `series`, such as `Measurements`."""
 
     @property
     def series(self) -> Mapping[str, SampledChannel]:
-        """Series by name."""
+        """Sampled channels by name."""
         ...
 
 
@@ -117,10 +120,10 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return every channel of every sensor, by the sensor's name.
+    """Return every channel of every sensor by name.
 
-    Several channels of one sensor have their numbers in their names. The names are those of a fit,
-    so that both use the same compiled program.
+    A channel has the name of its sensor. If the sensor has several channels, a number from zero is
+    appended, as in "probe 0". A fit uses the same names, and therefore the same compiled program.
 
     **Raises:** `ValueError` for names that are not unique.
     """

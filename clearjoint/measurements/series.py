@@ -133,7 +133,7 @@ class Series(AbstractReadable):
         return self._of(self.times, drawn, self.noise)
 
     def between(self, start: float, end: float) -> "Series | None":
-        """Return the samples with start <= time < end, or ``None`` if there are none."""
+        """Return the samples with start <= time < end, s, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None

@@ -59,7 +59,10 @@ _COSINE = (
 
 
 class _Arithmetic:
-    """Operations on floats or on vectors of tangents, according to `kind`."""
+    """Emits arithmetic on floats or on vectors of tangents, according to `kind`.
+
+    Methods append operations to `ops` and return the symbol of the result, not a number.
+    """
 
     def __init__(self, ops: Operations, kind: str):
         self.ops, self.kind = ops, kind
@@ -83,10 +86,16 @@ class _Arithmetic:
         return self.ops.emit("fma", self.kind, a, b, c)
 
     def polynomial(self, x: Value, coefficients: Sequence[float]) -> Value:
-        """Evaluate a polynomial, coefficients by rising powers, in independent pairs (Estrin)."""
+        """Emit the evaluation of a polynomial at x, and return its value.
+
+        Estrin's scheme joins neighbouring terms in pairs, then the pairs, and so on. Unlike
+        Horner's, most of its operations don't wait for each other.
+
+        **Arguments:** `coefficients`: by rising powers, at least one.
+        """
         terms = [self.constant(coefficient) for coefficient in coefficients]
         while len(terms) > 1:
-            rest = terms[len(terms) // 2 * 2 :]
+            rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
             pairs = zip(terms[::2], terms[1::2], strict=False)
             terms = [self.fused(high, x, low) for low, high in pairs] + rest
             x = self.multiply(x, x)
@@ -99,24 +108,24 @@ class _Arithmetic:
         return self.ops.emit("fdiv", self.kind, a, b)
 
     def product(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """Return a b as high and low part."""
+        """Return the exact product a b as the sum of a high and a low part."""
         high = self.multiply(a, b)
         return high, self.fused(a, b, self.negative(high))
 
     def total(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """Return a + b as high and low part (Knuth)."""
+        """Return the exact sum a + b as the sum of a high and a low part (Knuth)."""
         high = self.add(a, b)
         moved = self.subtract(high, a)
         low = self.subtract(a, self.subtract(high, moved))
         return high, self.add(low, self.subtract(b, moved))
 
     def rounded(self, a: Value) -> tuple[Value, Value]:
-        """Return the nearest integer, as a float and in the last bits of an integer."""
+        """Return the integer n nearest to a, as a float and as an integer whose last bits are n."""
         shifted = self.add(a, self.constant(_ROUNDING))
         return self.subtract(shifted, self.constant(_ROUNDING)), self.bits(shifted)
 
     def scaled(self, a: Value, n: Value) -> Value:
-        """Return a 2**n, a normal number, for an integer n."""
+        """Return a 2**n for an integer n; both a and the result must be normal numbers."""
         shift = self.whole("shift_left", n, 52)
         return self.of_bits(self.ops.emit("add", f"i{self.suffix}", self.bits(a), shift))
 
@@ -145,8 +154,10 @@ class _Arithmetic:
 
 
 def _sine_and_cosine(ops: Operations, kind: str, angle: Value) -> tuple[Value, Value, Value]:
-    """Return sine and cosine of an angle less the nearest multiple n of pi/2, and an integer with n
-    in its last bits."""
+    """Return sine and cosine of angle - n pi/2 for the nearest integer n, and n.
+
+    Angles are in rad. The third result is an integer whose last bits are n.
+    """
     a = _Arithmetic(ops, kind)
     rounding = a.constant(_ROUNDING)
     shifted = a.fused(angle, a.constant(2.0 / math.pi), rounding)

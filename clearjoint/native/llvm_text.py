@@ -447,7 +447,13 @@ class _Writer:
         )
 
     def _scalar_condition(self, word: str, kind: str) -> str:
-        """Write whether a condition holds in any lane, and return the name of the result."""
+        """Return the LLVM name of an `i1` that is true if a condition holds in any lane.
+
+        For a vector of lanes, the instruction that computes it is appended to the program's lines.
+
+        **Arguments:** `word`: name of the condition; `kind`: its LLVM type, `i1` or a vector of
+        `i1`.
+        """
         if kind == "i1":
             return word
         reduce = f"llvm.vector.reduce.or.v{self._width}i1"
@@ -469,7 +475,11 @@ class _Writer:
         return out
 
     def _lane_pointer(self, start: int, index: str, lane: int) -> str:
-        """Write the address of one lane's cell, at an index that differs from lane to lane."""
+        """Append instructions for the address of one lane's number in memory; return its name.
+
+        **Arguments:** `start`: first cell of the array; `index`: name of the vector of indices into
+        the array, one for each lane; `lane`: number of the lane.
+        """
         lane_index, scaled, offset, out = (self._temporary() for _ in range(4))
         width = self._width
         self._lines += [
@@ -502,7 +512,10 @@ class _Writer:
             self._lines.append(f"store {base} {part}, ptr {pointer}, align 8")
 
     def _cell_type(self, value: Value) -> tuple[str, str]:
-        """Return LLVM's types of a value in memory, where all kinds have 64 bits, and elsewhere."""
+        """Return two LLVM types of a value: in memory and in operations.
+
+        In memory all numbers have 64 bits; a condition is an `i64` there and an `i1` elsewhere.
+        """
         kind = self._program.kinds[value]
         cell = kind if kind[0] == "f" else "i" + kind[1:]
         return self._type_of(cell), self._type_of(kind)

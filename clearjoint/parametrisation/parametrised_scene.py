@@ -33,11 +33,11 @@ class AbstractFamily(eqx.Module):
 
     @abc.abstractmethod
     def scene(self, values: Coordinates) -> Scene:
-        """Return the scene at coordinates (p,), in scalar form."""
+        """Return the scene at coordinates (p,), with vectors as separate scalars."""
 
     @abc.abstractmethod
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
 
     def pushed(
         self,
@@ -73,10 +73,15 @@ class AbstractFamily(eqx.Module):
 
 
 class ParametrisedScene(AbstractFamily):
-    """A scene and its initial state, some numbers of which are given by `Parameter`s.
+    """A scene and its initial state, in which p parameters set or change some of the numbers.
 
-    `base` is the scene and state before any change; `changes` and `scales` have one entry for each
-    parameter; `patterns` mark the scene's structural zeros and ones (see `fold_constants`).
+    - `values`: (p,) coordinates of the parameters on their scales.
+    - `base`: scene and initial state before any change.
+    - `changes`: for each parameter, a function of scene, state and value that returns the changed
+      scene and state.
+    - `scales`: for each parameter, the map from coordinate to value.
+    - `patterns`: for each leaf of the scene, which components of a vector are folded constants, or
+      ``None``.
     """
 
     values: Coordinates
@@ -86,18 +91,24 @@ class ParametrisedScene(AbstractFamily):
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
-        """Return the same family at other coordinates (p,)."""
+        """Return a copy with other coordinates (p,) as its `values`."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        """Return scene and initial state at coordinates (p,), in packed form."""
+        """Return scene and initial state at coordinates (p,).
+
+        They are packed: vectors are arrays (3,), not three scalars.
+        """
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
     def varied(self) -> PyTree[bool]:
-        """Return the scene with each leaf replaced by whether it depends on the parameters."""
+        """Return for each leaf of the scene whether a parameter may change it.
+
+        **Returns:** a PyTree of booleans with the structure of the scene.
+        """
         structure = jax.tree.structure(self.base[0])
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
@@ -119,11 +130,11 @@ class ParametrisedScene(AbstractFamily):
         return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
-        """Return the scene in scalar form, with its structural zeros and ones."""
+        """Return the scene at coordinates (p,) in separate scalars, with its folded constants."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
 
@@ -134,6 +145,7 @@ def parametrised(
     scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
+    # Constants are folded only in leaves that no parameter changes, which a first family tells.
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
     patterns = fold_constants(scene, family.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)

@@ -115,7 +115,9 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Draw the correlations of the estimates, as coloured numbers.
+    """Draw the correlations of the estimates as a matrix of coloured numbers.
+
+    **Returns:** the axes.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -174,8 +176,10 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 
 
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw the displacement of the bodies over time per unit of each parameter's coordinate and per
-    m/s of initial velocity, with the times beyond which a fit by a single run fails.
+    """Draw how far small changes of parameters and of the initial velocity displace the bodies.
+
+    Displacements are drawn over time, per unit of each parameter's coordinate and per m/s of
+    initial velocity. Vertical lines are the times beyond which a fit by a single run fails.
 
     **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
 
@@ -194,6 +198,7 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     axes = axes_or_new(axes)
     times = horizon.times * 1e3
     labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
+    # A logarithmic axis has no zero: displacements of zero, as at the start, are gaps.
     growth = np.where(horizon.growth > 0.0, horizon.growth, np.nan)
     draw_lines(
         axes, ((label, times, column) for label, column in zip(labels, growth.T, strict=True))
@@ -205,11 +210,15 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw the integration error relative to the noise, and the relative error of the derivatives.
+    """Draw the errors of a run's values and derivatives over time.
 
-    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
+    Errors of values are in units of the noise, errors of derivatives are relative; both are bounds.
+    Vertical lines are the times beyond which a fit by a single run fails.
 
-    **Returns:** the axes; time in ms, errors logarithmic.
+    **Arguments:** `horizon`: from `clearjoint.fit_horizon`; `axes`: by default those of a new
+    figure.
+
+    **Returns:** the axes; time in ms, errors on a logarithmic scale.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(
@@ -222,12 +231,13 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     >>> axes = plot.integration_error(limits)
     """
     axes = axes_or_new(axes)
-    curves = {
+    errors = {
         "error of the run over the noise": horizon.error,
         "relative error of derivatives": horizon.derivative_error,
     }
-    times = horizon.times * 1e3
-    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves.items()))
+    times = horizon.times * 1e3  # ms
+    # A logarithmic axis has no zero: errors of zero, as at the start, are gaps.
+    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in errors.items()))
     _mark_limits(horizon, axes)
     axes.set_yscale("log")
     axes.legend(frameon=False, loc="lower right")

@@ -88,7 +88,10 @@ def _weights(
     sectors: int,
     section: CrossSection | None,
 ) -> np.ndarray:
-    """Impulse, N s, or largest force, N, in each sector."""
+    """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
+
+    **Returns:** (sectors,), in the order of the angle of the eccentricity.
+    """
     x, y = eccentricity_vectors(observation, joint, base, section).T
     angle = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # in full turns
     sector = np.minimum((angle * sectors).astype(int), sectors - 1)
@@ -96,6 +99,7 @@ def _weights(
     if weight == "force":
         np.maximum.at(weights, sector, force)
     else:
+        # Trapezoidal rule: each instant has half of the interval before it and after it.
         halves = 0.5 * np.diff(observation.times)
         np.add.at(weights, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
     return weights
@@ -129,7 +133,12 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
 
 
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
-    """Volumes of the sectors of a base, m^3, in order."""
+    """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
+
+    **Arguments:** `name`: the variables of `lane` are "<name> 1", "<name> 2" and so on.
+
+    **Raises:** `ValueError` for a dataset with several lanes.
+    """
     names, k = [], 1
     while f"{name} {k}" in lane:
         names.append(f"{name} {k}")
@@ -143,7 +152,10 @@ def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
 def _bars(
     weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
 ) -> None:
-    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale."""
+    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale.
+
+    **Arguments:** `weights`: (sectors,) by label of the base; `quantity`: name and SI unit.
+    """
     sectors = len(next(iter(weights.values())))
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
     tops = (

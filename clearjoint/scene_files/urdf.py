@@ -50,7 +50,7 @@ OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
 
 
 BACKLASH = "backlash"
-"""The argument of a play that is an angle; `Backlash` itself calls it `play`."""
+"""Name of the argument for the angle of a backlash, rad; `Backlash` itself calls it `play`."""
 WIND_UP = 0.1
 """Deflection of a flank under the joint's effort limit as a fraction of the backlash, if no
 stiffness is given."""
@@ -79,9 +79,10 @@ class JointLimits:
 
 
 def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
-    """Return the limits of the joints of a URDF file, by name, which a scene can't hold: for the
-    torque of a `Motor`, say, or to check a computed motion. Needs
-    ``pip install "clearjoint[urdf]"``.
+    """Return the limits of the joints of a URDF file, by the joints' names.
+
+    A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
+    motion. The function needs ``pip install "clearjoint[urdf]"``.
 
     ```python
     import clearjoint as cj
@@ -107,8 +108,9 @@ def load_urdf(
     play: Mapping[str, Play] = MappingProxyType({}),
     gravity: TripleLike | None = (0.0, 0.0, -9.81),
 ) -> tuple[Scene, State]:
-    """Read a robot from a URDF file as a scene, with play in some of its joints, and its state at
-    rest with all joints at zero. Needs ``pip install "clearjoint[urdf]"``.
+    """Read a robot from a URDF file, with play in some of its joints.
+
+    It needs ``pip install "clearjoint[urdf]"``.
 
     ```python
     import clearjoint as cj
@@ -130,15 +132,22 @@ def load_urdf(
 
     **Arguments:**
 
-    - `play`: by names of revolute or continuous joints, the arguments of a `ClearanceJoint` except
-      bodies, points and axes: the parent has the bearing, and `axial` is `FixedAxially()` unless
-      given. Or ``{"backlash": angle}`` with the arguments of a `Backlash`, which is added to the
-      scene with a name such as "elbow backlash": unless given, its `torsional_stiffness` is such
-      that the file's effort limit deflects a flank by a tenth of the backlash. Numbers may be texts
-      with units.
+    - `path`: path of the file.
+    - `play`: a dictionary of arguments for each revolute or continuous joint with play, by the
+      joint's name. Numbers may be texts with units. There are two kinds:
+        - Arguments of a `ClearanceJoint`, which replaces the joint. Bodies, points and axes are
+          those of the file: the parent has the bearing, the child the journal. `axial` is
+          `FixedAxially()` by default.
+        - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
+          scene with a name such as "elbow backlash"; the joint stays. By default its
+          `torsional_stiffness` is such that the file's effort limit deflects a flank by a tenth of
+          the backlash.
     - `gravity`: (3,) m/s^2, or ``None``.
 
-    **Raises:** `ValueError` with file and location. `ImportError` without the extra.
+    **Returns:** the scene, and its state at rest with all joints at zero.
+
+    **Raises:** `ValueError`, with the file and the element, for a file that can't be read, a robot
+    that a scene can't represent, and invalid `play`. `ImportError` without the extra.
 
     **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
     (see `urdf_limits`), damping and friction, mimics, shapes and others.
@@ -148,6 +157,8 @@ def load_urdf(
     hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
     play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
     frames = _frames(robot, location)
+    # Links without mass belong to the body of their parent, and the root link to the ground: only
+    # the other links are bodies, with the link's name.
     bodies = {
         link.name: body_of(link, location.at(link.name))
         for link in robot.links
@@ -157,20 +168,24 @@ def load_urdf(
     for joint in robot.joints:
         given = play.get(joint.name)
         has_backlash = given is not None and BACKLASH in given
-        made = joint_of(joint, frames, None if has_backlash else given, location.at(joint.name))
-        if made is not None:
-            joints[joint.name] = made
-        if given is not None and has_backlash and isinstance(made, RevoluteJoint):
-            backlash = _backlash(joint, made, given, location.at(joint.name))
+        # A clearance replaces the ideal joint, a backlash is added to it.
+        clearance = None if has_backlash else given
+        scene_joint = joint_of(joint, frames, clearance, location.at(joint.name))
+        if scene_joint is not None:  # floating joints and joints within a body have none
+            joints[joint.name] = scene_joint
+        if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
+            backlash = _backlash(joint, scene_joint, given, location.at(joint.name))
             joints[f"{joint.name} {BACKLASH}"] = backlash
     omitted = _not_carried_over(robot, frames, tags)
     if omitted:
         caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
     state = {}
     for name in bodies:
-        pose = frames[name].pose
-        centre = pose[:3, 3] - pose[:3, :3] @ frames[name].origin
-        state[name] = body_state(centre, euler_parameters(pose[:3, :3]))
+        # A pose is that of the link's frame. A body's frame is parallel to it and lies in the
+        # centre of mass, from which `origin` leads to the origin of the link's frame.
+        link_rotation, link_origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
+        centre = link_origin - link_rotation @ frames[name].origin
+        state[name] = body_state(centre, euler_parameters(link_rotation))
     try:
         return Scene(bodies, joints, gravity=gravity), State(state)
     except ValueError as error:
@@ -180,7 +195,7 @@ def load_urdf(
 def _not_carried_over(
     robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
 ) -> str:
-    """Text that lists the contents of the file that the scene lacks; empty if there are none.
+    """Return a text that lists the contents of the file that the scene lacks, which may be empty.
 
     **Arguments:** `tags`: tags of all elements of the robot.
     """
@@ -199,7 +214,7 @@ def _not_carried_over(
 
 
 def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
-    """The parsed robot, without meshes, and the tags of all its elements."""
+    """Return the parsed robot, without meshes, and the tags of all its elements."""
     try:
         import yourdfpy
     except ImportError as error:
@@ -218,9 +233,9 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
 
 
 def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """The arguments of the play of a joint; texts with units become numbers.
+    """Return the arguments of a joint's play, with texts with units converted to SI numbers.
 
-    **Raises:** `ValueError` for a joint without play and for an unknown argument.
+    **Raises:** `ValueError` for a joint that can't have play and for an unknown argument.
     """
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
@@ -248,7 +263,7 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
 def _backlash(
     joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, location: FileLocation
 ) -> Backlash:
-    """The backlash parallel to a hinge."""
+    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis."""
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
@@ -264,7 +279,11 @@ def _backlash(
 
 
 def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
-    """The frame of each link, found by following the joints from the root."""
+    """Return the frame of each link by name, found by following the joints from the root.
+
+    **Raises:** `ValueError` for repeated names, joints that don't form a tree, and links without
+    mass that move relative to their parent.
+    """
     for kind, elements in (("link", robot.links), ("joint", robot.joints)):
         counts = Counter(element.name for element in elements)
         repeated = [name for name, count in counts.items() if count > 1]

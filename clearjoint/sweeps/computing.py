@@ -110,10 +110,16 @@ def _by_threads(
 
 
 class _Writer:
-    """Writes lanes to the store in pieces that are neither too small nor too late.
+    """Collects the results of lanes that have ended, and writes them to the store.
 
-    A chunk is written when its last lane has ended. Lanes of incomplete chunks are written when
-    they are as many as a chunk has, or when they have waited for `WRITE_PERIOD`.
+    The store keeps lanes in chunks, and each write replaces whole chunks. A chunk is therefore
+    written when its last lane has ended. Ended lanes of incomplete chunks are written
+    together when their number reaches the size of a chunk, or `WRITE_PERIOD` seconds after the
+    previous such write, but not so often that writing takes more than the share `WRITE_SHARE` of
+    the time.
+
+    **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
+    `store`: where results are written; `bar`: progress bar that counts written lanes.
     """
 
     def __init__(
@@ -127,7 +133,10 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Take lanes that have ended."""
+        """Add lanes that have ended, and write chunks that are complete.
+
+        **Arguments:** `lanes`: (n,) numbers of the lanes; `results`: arrays (n, ...) by name.
+        """
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk
@@ -141,15 +150,16 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write lanes of incomplete chunks if they are many or have waited long."""
+        """Write ended lanes of incomplete chunks if they fill a chunk or `WRITE_PERIOD` is over."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
-        # Each write rewrites whole chunks: on a slow disk the time of the last one sets the pace.
+        # Each write replaces whole chunks, which is slow on a slow disk: the time since the last
+        # write must be long relative to its duration.
         if since > self._write_seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
             self.write_all()
 
     def write_all(self) -> None:
-        """Write all lanes that have ended."""
+        """Write all lanes that have ended and are not yet written."""
         start = time.monotonic()
         for chunk in list(self._waiting):
             self._write(chunk)

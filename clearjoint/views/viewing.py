@@ -220,7 +220,7 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Poses of the bodies, the observation at the same instants, and notes for the legend."""
+    """Return poses of the bodies, the observation at the same times, and notes for the legend."""
     if motion is None:
         from .initial_state import initial_state
 
@@ -254,7 +254,10 @@ def _poses(
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """The saved states of a run, by default its steps."""
+    """Return the saved states of a run, or the states at its steps if there are no others.
+
+    **Raises:** `ValueError` for a run without saved states.
+    """
     if isinstance(motion, Trajectory):
         return motion
     is_solution = isinstance(motion, Solution | NonsmoothSolution)
@@ -269,7 +272,11 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 
 
 def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
-    """The meshes that a user passes, checked."""
+    """Return the meshes of bodies that the user of `view` passes, in m in body axes, by body.
+
+    **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
+    from the mechanism's by more than a factor `ODD_SIZE`, as it does in mm.
+    """
     checked = {}
     for name, value in meshes.items():
         known = sorted(scene.bodies)
@@ -313,7 +320,7 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """A note if impacts between the frames have larger forces than the frames."""
+    """Return a note if an impact between two frames has a larger force than all frames, or none."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or len(impacts) == 0:
         return []

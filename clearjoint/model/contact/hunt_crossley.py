@@ -55,7 +55,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     @abc.abstractmethod
     def damping_factor(self) -> Scalar:
-        """Return chi, the hysteresis damping factor times entry speed over K."""
+        """Return chi, dimensionless: the factor of rate/entry speed in the force.
+
+        The hysteresis damping factor is chi K/(entry speed).
+        """
 
     def __check_init__(self):
         if (known := checkable(self.exponent)) is not None:
@@ -132,7 +135,7 @@ class Hertz(AbstractHertzianLaw):
     uses_entry_speed = False
 
     def damping_factor(self) -> Scalar:
-        """Return 0: there is no damping."""
+        """Return chi = 0: there is no damping."""
         return 0.0
 
 
@@ -164,7 +167,10 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     force_jumps = False
 
     def damping_factor(self) -> Scalar:
-        """Return chi = 3 (1 - c)/2, valid at the design speed."""
+        """Return chi = 3 (1 - c)/2, dimensionless, for the requested restitution c.
+
+        The damping is a = chi/v, s/m, with the design speed v.
+        """
         return 1.5 * (1.0 - self.restitution)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:

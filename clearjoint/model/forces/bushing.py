@@ -120,8 +120,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
-        # Components along the bushing's axes: forces, N, that belong to the shift, and a moment, N m,
-        # that belongs to the rotation vector.
+        # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
+        # rotation vector.
         forces_along = strain.shift.componentwise_product(
             self.stiffness
         ) + strain.shift_rate.componentwise_product(self.damping)

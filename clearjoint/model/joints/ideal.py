@@ -129,7 +129,7 @@ class RevoluteJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and two tilts."""
+        """Return three translations, m, and two tilts, which are dot products of unit vectors."""
         del t
         return self._coincidence(motions) | self._tilts(motions)
 
@@ -163,7 +163,10 @@ class FixedJoint(AbstractPairJoint):
     )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and three rotations."""
+        """Return three translations, m, and three rotations.
+
+        The rotations are dot products of unit vectors.
+        """
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
@@ -181,8 +184,8 @@ class FixedJoint(AbstractPairJoint):
 class InlineJoint(AbstractPairJoint):
     """Keeps a point of the second body on a line of the first; two rows.
 
-    With its axis perpendicular to a planar mechanism it is a pin without redundant constraints, if
-    other joints hold the bodies in the plane.
+    If its axis is perpendicular to a planar mechanism, and other joints hold the bodies in the
+    plane, it is a pin without redundant constraints.
 
     **Arguments:** as for `SphericalJoint`, and `axis`: direction of the line through the point on
     the first body, (3,) in that body's axes, any length.
@@ -197,7 +200,7 @@ class InlineJoint(AbstractPairJoint):
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the line, m."""
+        """Return two components of the point's distance from the line, m."""
         del t
         return self._point_on_line(motions, self.axis)
 
@@ -219,7 +222,10 @@ class CylindricalJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and two tilts."""
+        """Return two translations across the axis, m, and two tilts.
+
+        The tilts are dot products of unit vectors.
+        """
         del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
@@ -247,7 +253,10 @@ class PrismaticJoint(AbstractPairJoint):
     )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and three rotations."""
+        """Return two translations across the axis, m, and three rotations.
+
+        The rotations are dot products of unit vectors.
+        """
         del t
         rotations = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | rotations

@@ -39,7 +39,7 @@ from ...math.vectors import (
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Spin of the child and velocity of its joint's point, relative to the parent.
+    """Spin of the child, rad/s, and velocity of its joint's point, m/s, relative to the parent.
 
     >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
     >>> twist.angular.z
@@ -64,8 +64,9 @@ class Relative:
     """Pose and twist of a child relative to its parent.
 
     - `orientation`: transforms components in the child's axes to the parent's.
-    - `displacement`: from the parent's point to the child's, in the child's axes; its rate in these
-      axes is ``twist.linear``.
+    - `displacement`: from the parent's point to the child's, m in the child's axes; its rate in
+      these axes is ``twist.linear``.
+    - `twist`: spin, rad/s, and velocity, m/s, in the child's axes.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -110,7 +111,7 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def encode(self, relative: Relative) -> JointState:
-        """Return the joint coordinates of a relative motion that the joint allows."""
+        """Return position and speeds of the joint for a relative motion that the joint allows."""
 
     @abc.abstractmethod
     def orientation(self, position: PyTree) -> EulerParameters:
@@ -121,7 +122,7 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """Return the relative twist for a unit value of each speed."""
+        """Return the relative twist for 1 rad/s or 1 m/s of each speed, in the child's axes."""
 
     @abc.abstractmethod
     def rates(self, state: JointState) -> PyTree:
@@ -129,7 +130,10 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """Return the position after a small motion along the columns."""
+        """Return the position after a small motion along the columns.
+
+        **Arguments:** `changes`: rad or m, one for each speed.
+        """
 
     def without_drift(self, position: PyTree) -> PyTree:
         """Return an equivalent position without accumulated revolutions of an angle or drift of a
@@ -152,13 +156,13 @@ class AbstractMotionSubspace(eqx.Module):
     def bias(self, state: JointState) -> Twist:
         """Return the rate of the relative twist at constant speeds, in the child's axes.
 
-        It is zero, the default, for constant columns.
+        Its unit is rad/s^2 and m/s^2. It is zero, the default, if the columns are constant.
         """
         del state
         return REST
 
     def twist(self, state: JointState) -> Twist:
-        """Return the child's relative twist: the columns times the speeds."""
+        """Return the child's relative twist, rad/s and m/s: the columns times the speeds."""
         parts = zip(self.columns(state.position), state.speeds, strict=True)
         return sum((column * speed for column, speed in parts), REST)
 
@@ -207,9 +211,10 @@ class Hinge(AbstractMotionSubspace):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle within (-2 pi, 2 pi] and its rate.
+        """Return the angle of rotation, rad, within (-2 pi, 2 pi], and its rate, rad/s.
 
-        The range is two revolutions, so that the sign of the Euler parameters is preserved.
+        The range is two revolutions because Euler parameters depend on half the angle: after one
+        revolution they have the opposite sign.
         """
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)

@@ -34,12 +34,12 @@ class PointInPlaneJoint(AbstractPairJoint):
     normal: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the point's height above the plane, m."""
+        """Return one row: the height of the second body's point above the plane, m."""
         del t
         return {"height": _height(self, motions)}
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a plane."""
+        """Draw the plane."""
         pen.plane(*self.ends(self.normal))
 
 
@@ -63,7 +63,10 @@ class LineInPlaneJoint(AbstractPairJoint):
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the point's height above the plane, m, and the line's tilt."""
+        """Return two rows: the height of the second body's point above the plane, m; and the tilt.
+
+        The tilt is the sine of the angle between the line and the plane.
+        """
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return {"height": _height(self, motions), "tilt": tilt}

@@ -33,15 +33,15 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """Return the transformation from the link's frame to the parent's at angle zero."""
+        """Return the orientation of the link's frame in the parent's at angle zero."""
         return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
 
     def axis(self) -> Components:
-        """Return the link's axis of rotation in its own frame."""
+        """Return the link's axis of rotation, a unit vector (3,) in the link's frame."""
         return np.array([0.0, math.sin(self.twist), math.cos(self.twist)])
 
     def joint(self) -> Components:
-        """Return the origin of the parent's frame, m in the link's own frame."""
+        """Return the origin of the parent's frame, (3,) m in the link's frame."""
         return -np.array([self.length, 0.0, 0.0]) - self.offset * self.axis()
 
 
@@ -76,16 +76,20 @@ class LinkFrame:
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
-        """The axes as columns, in global components."""
+        """Unit vectors along the axes as columns, (3, 3), in global components."""
         return np.asarray(pack(rotation_matrix(self.orientation)))
 
     def turned(self, angle: float) -> EulerParameters:
-        """Return the orientation after a rotation by an angle, rad, about the z axis."""
+        """Return the orientation after a rotation by an angle, rad, about the frame's z axis."""
         about_z = EulerParameters(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
         return composed(self.orientation, about_z)
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
-        """Return the frame of the next link at an angle in rad."""
+        """Return the frame of the next link of a chain.
+
+        **Arguments:** `link`: the next link; `angle`: of its joint, rad, about the z axis of this
+        frame.
+        """
         orientation = composed(self.turned(angle), link.tilt())
         axes = LinkFrame(self.origin, orientation).axes
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
@@ -96,7 +100,10 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """Return the base frame and the frame of each link at its angle, rad."""
+    """Return the base frame, and the frames of the links of a chain from the base.
+
+    **Arguments:** `angles`: of each link relative to the one before, rad.
+    """
     frames = [BASE]
     for link, angle in zip(links, angles, strict=True):
         frames.append(frames[-1].after(link, angle))
@@ -113,7 +120,7 @@ class Lump:
 
 
 def lumps() -> list[Lump]:
-    """Return the three links in their own frames; the third includes the wrist."""
+    """Return mass and inertia of each link in its own frame; the third link includes the wrist."""
     single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
     parts = [single[2]]
     for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
@@ -134,7 +141,7 @@ def _combined(parts: Sequence[Lump]) -> Lump:
 
 
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
-    """Return the states of links and flanges for joint angles in rad and speeds in rad/s."""
+    """Return states of links and flanges by name, for three angles, rad, and speeds, rad/s."""
     arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
     states = {}
     for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):

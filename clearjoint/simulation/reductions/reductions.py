@@ -161,7 +161,11 @@ class Peak(AbstractWindowedReduction):
         require_quantity("quantity", self.quantity)
 
     def start(self, now: Instant) -> PeakTally:
-        """Return the value at the start, as the highest so far if it is in the window."""
+        """Return the tally at the start of the run.
+
+        The highest value is that at the start, or minus infinity if the start is outside the
+        window.
+        """
         value, window = self._value(now), self._window()
         highest = value
         if not window.is_whole:
@@ -169,7 +173,7 @@ class Peak(AbstractWindowedReduction):
         return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """Update the highest value by that of the step's part in the window."""
+        """Return the tally with the highest value in the part of the step inside the window."""
         # The search takes the value at the start of the previous step too: a parabola through it
         # and both ends of this step gives the first guess of the peak.
         length = now.time - tally.now
@@ -200,7 +204,10 @@ class Peak(AbstractWindowedReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """Return the largest value and its time, s."""
+        """Return the largest value, in the quantity's unit, and its time, s.
+
+        Both are NaN if the run ended before the window.
+        """
         del now
         if self._window().is_whole:
             return {"": tally.highest, "time": tally.time}
@@ -209,7 +216,7 @@ class Peak(AbstractWindowedReduction):
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
     def units(self) -> dict[str, str]:
-        """Return the quantity's unit for the peak, and s for its time."""
+        """Return the quantity's unit for the largest value, and "s" for its time."""
         return {"": self.unit, "time": "s"}
 
 
@@ -244,7 +251,11 @@ class Statistics(AbstractWindowedReduction):
         require_quantity("quantity", self.quantity)
 
     def start(self, now: Instant) -> StatisticsTally:
-        """Return the instant and the value there, zero integrals, and the extremes so far."""
+        """Return the tally at the start of the run.
+
+        The integrals are zero. Both extremes are the first value; if the start is outside the
+        window, the smallest value is infinite and the largest is minus infinity.
+        """
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
         window = self._window()
@@ -253,7 +264,7 @@ class Statistics(AbstractWindowedReduction):
         return (now.time, value), (zero, zero, zero), extremes
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """Add the part of the step that is inside the window."""
+        """Return the tally with the part of the step that is inside the window."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
         arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
@@ -275,7 +286,10 @@ class Statistics(AbstractWindowedReduction):
         return (t1, v), sums, (smallest, largest)
 
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
-        """Return the four statistics; NaN if the run ended before the window."""
+        """Return mean, rms, smallest and largest value by name, in the quantity's unit.
+
+        They are NaN if the run ended before the window.
+        """
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -288,5 +302,5 @@ class Statistics(AbstractWindowedReduction):
         }
 
     def units(self) -> dict[str, str]:
-        """Return the quantity's unit for each of the four."""
+        """Return the quantity's unit for the mean, the rms, the smallest and the largest value."""
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)

@@ -19,10 +19,13 @@ from ..step.systems import SystemFamily
 
 
 class StepOutcome:
-    """The outcome of a step that was tried; properties are computed only where they are used.
+    """The outcome of a step that was tried, which recorders receive.
 
-    `before` and `after`: the run before and after; `tried`: the attempt; `kept`: whether the step
-    was accepted.
+    Properties are computed only where a recorder uses them.
+
+    - `before`, `after`: state of the run before and after the attempt.
+    - `tried`: the attempt.
+    - `kept`: whether the step was taken and accepted.
     """
 
     def __init__(
@@ -39,12 +42,12 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """Dense output of the step, if it was kept."""
+        """Dense output of the step; valid only if the step was kept."""
         return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
-        """The system after the step."""
+        """The instant at the end of the attempt, from which quantities are evaluated."""
         after = self.after
 
         def inside(x: Scalar) -> Instant:
@@ -54,7 +57,8 @@ class StepOutcome:
 
 
 Recorder = Callable[[PyTree, StepOutcome], PyTree]
-"""Returns a record after a step was tried, from that before; unchanged unless it was kept."""
+"""Function of a record and of the outcome of an attempt. It returns the updated record, which is
+unchanged if the step was not kept."""
 
 
 def advance(
@@ -69,25 +73,39 @@ def advance(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> tuple[Step, dict[str, PyTree]]:
-    """Return the run and its records after one more attempt.
+    """Try one time step, and update the run and its records.
 
-    **Arguments:** `t_end`: s, no step goes past it; `records` by the names of their `recorders`;
-    `goes`: whether the step is taken, for lanes that wait (default: it is); `family`: as for
-    `clearjoint.simulation.step.stepping.attempt`; `attempt`: a function to use instead of that.
+    **Arguments:**
+
+    - `method`: solver and step control; `system`: the system to integrate.
+    - `step`: complete state of the run after the latest accepted step.
+    - `t_end`: s, end of the run; no step goes past it.
+    - `records`: data collected during the run, by name; `recorders`: for each name, the function
+      that updates the record.
+    - `goes`: whether to take the step; where it is false, as in a lane that waits, the run and its
+      records stay unchanged. By default the step is taken.
+    - `family`: the system as a function of the parameters, if the run carries derivatives with
+      respect to them.
+    - `attempt`: the function that tries a step, to replace the default by a compiled one.
+
+    **Returns:** the state of the run after the attempt, and the records. If the step is rejected,
+    time and variables are those of `step`, and the next length to try is shorter.
     """
-    tried = attempt(method, system, step, t_end, *([] if family is None else [family]))
-    after, kept = tried.step, tried.kept
+    family_if_any = () if family is None else (family,)
+    tried = attempt(method, system, step, t_end, *family_if_any)
+    after, accepted = tried.step, tried.kept
     if goes is not None:
-        after, kept = choose(goes, after, step), goes & kept
-    step_outcome = StepOutcome(method, system, step, tried, after, kept)
+        # In compiled code all lanes compute the attempt; a lane that waits discards its own.
+        after, accepted = choose(goes, after, step), goes & accepted
+    step_outcome = StepOutcome(method, system, step, tried, after, accepted)
     return after, {name: recorders[name](record, step_outcome) for name, record in records.items()}
 
 
 def latest_attempt(record: Attempt, step_outcome: StepOutcome) -> Attempt:
-    """Return the attempt if it was accepted, else the one on record."""
+    """Return the attempt if it was accepted, otherwise the recorded attempt."""
     return choose(step_outcome.kept, step_outcome.tried, record)
 
 
 def latest_dense_step(record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
-    """Return the dense output of the step if it was kept, else that on record."""
+    """Return the dense output of the step if it was accepted, otherwise the recorded one."""
     return choose(step_outcome.kept, step_outcome.dense_step, record)

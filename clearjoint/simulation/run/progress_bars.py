@@ -17,11 +17,11 @@ from tqdm import tqdm
 from ...compilation import seconds_of_compiling
 
 TICK = 1.0
-"""Seconds between two updates, and of compiling before it is shown."""
+"""Time, s, between two updates; also the time of compiling, s, after which the bar tells of it."""
 LINE_PERIOD = 30.0
-"""Seconds between two lines where the error stream is no terminal."""
+"""Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
-"""Name of the thread."""
+"""Name of the thread that updates the bar."""
 
 
 class ProgressBar(tqdm):
@@ -42,7 +42,7 @@ class ProgressBar(tqdm):
 
     @property
     def format_dict(self) -> dict[str, object]:
-        """Fields of the text."""
+        """Return the fields of the text by name; `left` is the time left, such as "02:15"."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
@@ -61,7 +61,7 @@ class ProgressBar(tqdm):
 
 
 def is_live(stream: TextIO) -> bool:
-    """Whether text on a stream can be overwritten, as in terminals and notebooks."""
+    """Return whether text on a stream can be overwritten, as in terminals and notebooks."""
     return stream.isatty() or type(stream).__module__.startswith("ipykernel")
 
 

@@ -99,7 +99,17 @@ def followed(
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
-    """Integrate state and derivatives, and evaluate quantities at rising times. Traceable."""
+    """Integrate the state and its derivatives, and evaluate quantities at given times.
+
+    The function can be traced by JAX.
+
+    **Arguments:**
+
+    - `times`: (N,) s, rising or repeated.
+    - `t0`, `t_end`: s, start and end of the run.
+    - `first_step`: s, length of the first step that is tried.
+    - `max_steps`: largest number of attempts.
+    """
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system = systems.system()
     # Steps go by a clock that is zero at the start of the run: steps that land on impacts need
@@ -150,7 +160,10 @@ def followed(
 def _scanned(
     sample: Callable[[Run, PyTree], tuple[Run, PyTree]], run: Run, rows: PyTree
 ) -> tuple[Run, PyTree]:
-    """Apply `jax.lax.scan` over rows, block by block."""
+    """Apply `jax.lax.scan` to `sample` over rows, in blocks of `FEW_TIMES` rows.
+
+    The result is that of a single `jax.lax.scan`.
+    """
     # XLA copies in each turn all that a loop has written so far: at 4096 times one loop took ten
     # times as long as the run.
     count = len(jax.tree.leaves(rows)[0])
@@ -176,25 +189,36 @@ def _sample(
     method: Method,
     systems: SystemFamily,
     outputs: Mapping[str, Quantity],
-    last: Attempt,
+    latest: Attempt,
     time: Scalar,
     is_new: Condition,
     kept: Kept,
-) -> tuple[PyTree, PyTree, State | None]:
-    """Return quantities, their derivatives and the state (if kept) at a time of the latest step.
+) -> tuple[dict[str, Scalar], dict[str, jax.Array], State | None]:
+    """Return quantities, their derivatives and the state at a time in the latest accepted step.
 
-    Quantities are zeros at a time that is not new.
+    **Arguments:**
+
+    - `latest`: the attempt of that step.
+    - `time`: s since the start of the run.
+    - `is_new`: whether the time differs from the one before it. At a repeated time, quantities and
+      derivatives are not computed; they are zeros.
+
+    **Returns:** the quantities by name; their derivatives with respect to the parameters'
+    coordinates, (p,) by name; and the state, or ``None`` if `kept` requests none.
     """
-    zero, along = jnp.zeros(()), jnp.zeros(len(systems.values))
+    # `cond` skips repeated times, such as padding, at which `followed` copies the numbers of the
+    # first of equal times. It doesn't copy states, which are therefore computed at every time.
+    no_value, no_derivatives = jnp.zeros(()), jnp.zeros(len(systems.values))
     values, derivatives = jax.lax.cond(
         is_new,
-        lambda: _quantities(method, systems, outputs, last, time),
-        lambda: (dict.fromkeys(outputs, zero), dict.fromkeys(outputs, along)),
+        lambda: _quantities(method, systems, outputs, latest, time),
+        lambda: (dict.fromkeys(outputs, no_value), dict.fromkeys(outputs, no_derivatives)),
     )
     if not kept.states:
         return values, derivatives, None
     system = systems.system()
-    return values, derivatives, named(state_of(system, *look_inside(method, system, last, time)))
+    variables, entry_speeds = look_inside(method, system, latest, time)
+    return values, derivatives, named(state_of(system, variables, entry_speeds))
 
 
 def _quantities(
@@ -203,8 +227,11 @@ def _quantities(
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return quantities at a time of an accepted step, and their derivatives."""
+) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
+    """Return quantities at a time in an accepted step, s, and their derivatives (p,), by name.
+
+    Derivatives are with respect to the coordinates of the p parameters.
+    """
     dense = look_inside(method, family.system(), tried, time)
 
     def observed(

@@ -82,18 +82,23 @@ class Sensitivities(AbstractTabular):
     settings: Notes = ()
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "time" and "parameter".
+        """Return values and derivatives as an `xarray.Dataset`.
 
-        Each quantity has its name, and its derivatives are "<name>_derivative", in the quantity's
-        unit per unit of the parameter's coordinate, which is named in "coordinate". See
-        `AbstractTabular`.
+        - Each quantity is a variable of the same name along "time", (N,), in the quantity's unit.
+        - Its derivatives are the variable "<name>_derivative" along "time" and "parameter", (N, p),
+          with respect to the parameters' coordinates. Coordinates are pure numbers, so that
+          derivatives have the quantity's unit.
+        - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
+        - Attributes are the end of the run, its result, the numbers of steps, and the settings.
         """
         variables = {}
-        for name, row in self.values.items():
-            unit, text = self.units.get(name), f"derivative of {name} by a parameter's coordinate"
-            slopes = self.derivatives[name]
-            variables[name] = Labelled(("time",), row, unit)
-            variables[f"{name}_derivative"] = Labelled(("time", "parameter"), slopes, unit, text)
+        for name, values in self.values.items():
+            unit = self.units.get(name)
+            description = f"derivative of {name} by a parameter's coordinate"
+            variables[name] = Labelled(("time",), values, unit)
+            variables[f"{name}_derivative"] = Labelled(
+                ("time", "parameter"), self.derivatives[name], unit, description
+            )
         labels = {
             "time": Labelled(("time",), self.times, "s", "time"),
             "parameter": Labelled(("parameter",), texts(self.parameters)),

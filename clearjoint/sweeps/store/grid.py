@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROOT = "zarr.json"
-"""File with the metadata of a group."""
+"""File with the metadata of a Zarr group, which lists its arrays."""
 
 
 def unfinished(path: Path) -> Path:
@@ -29,9 +29,14 @@ def unfinished(path: Path) -> Path:
 
 
 def write_grid(path: Path, results: "xr.Dataset") -> None:
-    """Replace the grid in the store at a path by labelled results.
+    """Write results to the store at a path as its grid, in place of an earlier grid.
 
-    A program that opens the grid in the meantime finds no grid, but never a mixture of two.
+    If the arrays differ in names, shapes or attributes from those of the earlier grid, a program
+    that opens the grid in the meantime finds none. Otherwise files are replaced one by one, with
+    the result codes last: a lane whose code says that it is done has all its numbers.
+
+    **Arguments:** `path`: folder of the store; `results`: one array for each variable, along the
+    axes of the sweep.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -39,7 +44,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     new = unfinished(path)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Texts and consolidated metadata are drafts.
+            # Zarr warns that version 3 of its format doesn't specify texts and consolidated
+            # metadata yet.
+            warnings.simplefilter("ignore")
             encoding = {str(name): codecs for name in results.variables}
             results.to_zarr(
                 new,
@@ -47,7 +54,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
                 zarr_format=3,
                 consolidated=True,
                 encoding=encoding,
-                write_empty_chunks=True,  # They replace files of an older grid.
+                # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
+                write_empty_chunks=True,
             )
         # The file `ROOT` lists the arrays. If it changes, it is removed first and written last, so
         # that a reader finds either all arrays or none. Result codes are written after all other
@@ -56,6 +64,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
         if not old_root.exists() or root.read_bytes() != old_root.read_bytes():
             remove_grid(path)
         files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
+        # In this order `False` is before `True`: other arrays, result codes, `ROOT`.
         for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
             (path / file).parent.mkdir(parents=True, exist_ok=True)
             (new / file).replace(path / file)
@@ -64,7 +73,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def remove_grid(path: Path) -> None:
-    """Remove the grid from the store at a path."""
+    """Remove the grid from the store at a path; results by lane stay."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
