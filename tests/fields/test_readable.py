@@ -100,5 +100,5 @@ def test_a_list_may_contain_a_traced_number():
 
     value, slope = jax.jvp(torque, (0.2,), (1.0,))
     assert (float(value), float(slope)) == pytest.approx((0.4, 2.0))
-    with pytest.raises(ValueError, match="`times` must be two times or more, in a row"):
+    with pytest.raises(ValueError, match="`times` must be a row of two or more times"):
         jax.jit(lambda x: cj.PiecewiseConstant([[0.0, x]] * 2, [1.0, 2.0]).times)(1.0)

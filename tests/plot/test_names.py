@@ -125,7 +125,7 @@ def test_channels_and_sensors_take_any_name(name, tmp_path):
 
 
 def test_a_variable_without_a_name_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="`name` must be one character at least"):
+    with pytest.raises(ValueError, match="`name` must be at least one character"):
         cj.results.Crossings(TIMES[:1], {"": TIMES[:1]}).to_netcdf(tmp_path / "out.nc")
 
 
