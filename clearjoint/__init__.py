@@ -1,18 +1,62 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
-The way of a clearance from the `Scene`, where `ClearanceJoint` holds it in m, down to the force:
-1. `simulation/simulate.py`: `simulate` gives the scene to a compiled program, which makes scalars
-   of its arrays (`unpack` in `math/vectors.py`).
-2. `dynamics/system.py`: `System.dynamics`, in every stage of a step, asks for the forces of
-3. `dynamics/contact_forces.py`: `contact_forces`, which for each contact calls 4 and 5.
-4. `model/plays/clearance.py`: `ClearanceJoint.contacts` asks the `BearingWall` of
-   `model/plays/bearing_surfaces.py`, which subtracts the clearance from the journal's eccentricity
-   (`_depth`): the penetration, in a `Gap` of `model/contact/gap.py`.
-5. `model/contact/laws.py`: `contact_normal_force` asks the law for its `force` at that gap; the
-   stiffness K follows the clearance too (`RavnStiffness.value` in `model/contact/stiffness.py`).
+A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate` returns
+one motion, `sweep` many, `sensitivities` derivatives by parameters, `identify` parameters from
+measurements. Contact laws are in `clearjoint.laws`, friction laws in `clearjoint.frictions`, films
+in `clearjoint.films`, ready mechanisms in `clearjoint.mechanisms`, measurable quantities in
+`clearjoint.quantities`, figures in `clearjoint.plot`, types of results in `clearjoint.results`, and
+base classes for elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
-Examples in docstrings begin where these lines end, after `cj.configure()`. All numbers are in SI
-units.
+**Glossary**
+
+| term | meaning |
+|---|---|
+| base | one of the two end circles of a journal, where it touches the bearing; named "V" and "W" |
+| bearing, journal | the hole and the pin of a revolute joint with clearance |
+| breakpoint | time at which a driver or load is declared to change abruptly; steps end there |
+| bristle | deflection of the surfaces in a friction law that sticks; a state of the contact |
+| clearance | radius of the bearing less that of the journal, m; the play of other joints |
+| constraint row | one scalar equation of a joint, with its Jacobian |
+| contact | one pair of surfaces of a clearance joint that may touch, with a label such as "V" |
+| dense output | the solution between the ends of a step |
+| eccentricity | distance of a base's centre from the bearing's axis, m |
+| element | a joint, force or driver of a scene |
+| entry speed | penetration rate at the onset of the present contact, m/s; contact laws use it |
+| event | an onset or end of a contact, a breakpoint, or a section crossing |
+| film | lubricant between journal and bearing |
+| fingerprint | digest by which a store recognises the sweep that it holds |
+| folded constant | vector component that is exactly 0 or 1 and compiled as such |
+| group | alike elements of a scene that are computed as one array |
+| landing | the adjustment of a step so that it ends at an event |
+| lane | one run of a sweep, computed in a slot beside other runs |
+| onset | instant at which a contact's force begins |
+| output | a number of each run of a sweep, such as a peak force |
+| path | selects a number of a scene: `lambda scene: scene.joints["pin"].clearance` |
+| penetration | depth of a contact, m, positive where the surfaces overlap |
+| quantity | function of the instant that a sensor could read, such as `Position` |
+| reduction | output that is updated at every accepted step |
+| residual | prediction less measurement, over the noise |
+| result code | how a run ended, one of `RESULTS` |
+| saltation | jump of derivatives across an event |
+| section | Poincaré section: quantities where another one crosses zero |
+| segment | steps that compiled code takes before it returns to Python |
+| slot | position of a lane in a processor's vector |
+| step, attempt | an accepted time step; a trial that may be rejected |
+| tangent | derivative of a variable by a parameter, integrated with it |
+| variables | coordinates, velocities, bristles and work that the solver integrates |
+
+**From a clearance to its force**
+
+1. `simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits its
+   arrays into scalars (`unpack` in `math/vectors.py`).
+2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
+3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap from `BearingWall`
+   in `bearing_surfaces.py`, which subtracts the clearance from the eccentricity.
+5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
+   depends on the clearance too (`RavnStiffness` in `model/contact/stiffness.py`).
+
+**Examples** in docstrings assume these lines, after `cj.configure()`:
 
 >>> import clearjoint as cj
 >>> import jax.numpy as jnp
@@ -30,13 +74,18 @@ units.
 from .compilation import remember_contents as _remember_contents
 
 # isort: split
+from . import extend as extend
+from . import films as films
+from . import frictions as frictions
+from . import laws as laws
+from . import mechanisms as mechanisms
 from . import presets as presets
 from . import quantities as quantities
+from . import results as results
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
 from .dynamics.constraint_report import constraint_report as constraint_report
 from .dynamics.joint_coordinates.coordinates import JointCoordinates as JointCoordinates
-from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.stabilisation import Baumgarte as Baumgarte
 from .dynamics.stabilisation import Projection as Projection
 from .dynamics.stabilisation import Unstabilised as Unstabilised
@@ -46,28 +95,17 @@ from .fields.cautions import LooseBodyWarning as LooseBodyWarning
 from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
 from .fields.cautions import PoorFitWarning as PoorFitWarning
 from .fields.cautions import UnusualValueWarning as UnusualValueWarning
-from .fields.declarations import quantity as quantity
 from .fields.readable import without_modules as _without_modules
-from .identification.fit import Fit as Fit
 from .identification.identify import FitInterrupted as FitInterrupted
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
-from .identification.levenberg_marquardt import Ending as Ending
-from .identification.levenberg_marquardt import Iteration as Iteration
-from .identification.limits.largest import Largest as Largest
-from .identification.limits.largest import largest as largest
-from .identification.minimise import Minimum as Minimum
+from .identification.limits.largest import largest_feasible as largest_feasible
 from .identification.minimise import minimise as minimise
-from .identification.screening.screening import Screened as Screened
 from .identification.screening.screening import Screening as Screening
 from .identification.starts import Starts as Starts
-from .information.analysis import Identifiability as Identifiability
 from .information.analysis import identifiability as identifiability
-from .information.horizon import Horizon as Horizon
-from .information.horizon import horizon as horizon
+from .information.horizon import fit_horizon as fit_horizon
 from .information.sensors import Sensor as Sensor
-from .math.smoothing import norm_and_direction as norm_and_direction
-from .math.vectors import Vector as Vector
 from .measurements.readers import Channel as Channel
 from .measurements.readers import from_xarray as from_xarray
 from .measurements.readers import function_from_csv as function_from_csv
@@ -78,70 +116,20 @@ from .model import densities as densities
 from .model.bodies import GROUND as GROUND
 from .model.bodies import Body as Body
 from .model.bodies import BodyState as BodyState
-from .model.bodies import Motion as Motion
 from .model.bodies import State as State
-from .model.bodies import Wrench as Wrench
 from .model.bodies import body_state as body_state
-from .model.contact.bounded_damping import ElastoGap as ElastoGap
-from .model.contact.bounded_damping import FloresKelvinVoigt as FloresKelvinVoigt
-from .model.contact.bounded_damping import ImpactFunction as ImpactFunction
-from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
-from .model.contact.bristles import Dahl as Dahl
-from .model.contact.bristles import ElastoPlastic as ElastoPlastic
-from .model.contact.bristles import LuGre as LuGre
-from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
-from .model.contact.cylinders import LiuCylinder as LiuCylinder
-from .model.contact.cylinders import PereiraCylinder as PereiraCylinder
-from .model.contact.cylinders import PerssonCylinder as PerssonCylinder
-from .model.contact.damping_factors import CarvalhoMartins as CarvalhoMartins
-from .model.contact.damping_factors import ExactRestitution as ExactRestitution
-from .model.contact.damping_factors import Flores2011 as Flores2011
-from .model.contact.damping_factors import GharibHurmuzlu as GharibHurmuzlu
-from .model.contact.damping_factors import Gonthier as Gonthier
-from .model.contact.damping_factors import HerbertMcWhannell as HerbertMcWhannell
-from .model.contact.damping_factors import HuGuo as HuGuo
-from .model.contact.damping_factors import HuntCrossley as HuntCrossley
-from .model.contact.damping_factors import LankaraniNikravesh as LankaraniNikravesh
-from .model.contact.damping_factors import LeeWang as LeeWang
-from .model.contact.damping_factors import PantWijeyewickrema as PantWijeyewickrema
-from .model.contact.damping_factors import SafaeifarFarshidianfar as SafaeifarFarshidianfar
-from .model.contact.damping_factors import YePounding as YePounding
-from .model.contact.damping_factors import ZhiyingQishao as ZhiyingQishao
-from .model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
-from .model.contact.dashpots import BordbarHyppanen as BordbarHyppanen
-from .model.contact.dashpots import Jankowski as Jankowski
-from .model.contact.dashpots import KelvinVoigt as KelvinVoigt
-from .model.contact.dashpots import KuwabaraKono as KuwabaraKono
-from .model.contact.dashpots import Ristow as Ristow
-from .model.contact.dashpots import Tsuji as Tsuji
-from .model.contact.dashpots import clamped_restitution as clamped_restitution
-from .model.contact.friction import AbstractFriction as AbstractFriction
-from .model.contact.friction import Ambrosio as Ambrosio
-from .model.contact.friction import LinearCoulomb as LinearCoulomb
-from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
-from .model.contact.friction import Threlfall as Threlfall
-from .model.contact.gap import Gap as Gap
-from .model.contact.hunt_crossley import AbstractDampedLaw as AbstractDampedLaw
-from .model.contact.hunt_crossley import AbstractHertzianLaw as AbstractHertzianLaw
-from .model.contact.hunt_crossley import Hertz as Hertz
-from .model.contact.hunt_crossley import MemorylessHuntCrossley as MemorylessHuntCrossley
-from .model.contact.laws import AbstractContactLaw as AbstractContactLaw
-from .model.contact.logarithmic_cylinders import (
-    DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
-)
-from .model.contact.logarithmic_cylinders import EsduCylinder as EsduCylinder
-from .model.contact.logarithmic_cylinders import GoldsmithCylinder as GoldsmithCylinder
-from .model.contact.logarithmic_cylinders import JohnsonCylinder as JohnsonCylinder
-from .model.contact.logarithmic_cylinders import RadzimovskyCylinder as RadzimovskyCylinder
-from .model.contact.restitution import delivered_restitution as delivered_restitution
-from .model.contact.restitution import exact_damping_factor as exact_damping_factor
-from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
-from .model.contact.stiffness import GivenStiffness as GivenStiffness
-from .model.contact.stiffness import RavnStiffness as RavnStiffness
-from .model.contact.stribeck import BengisuAkay as BengisuAkay
-from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
-from .model.contact.stribeck import Stribeck as Stribeck
-from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
+from .model.clearance_joints.axial import EndPlay as EndPlay
+from .model.clearance_joints.axial import FixedAxially as FixedAxially
+from .model.clearance_joints.axial import FreeAxially as FreeAxially
+from .model.clearance_joints.backlash import Backlash as Backlash
+from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
+from .model.clearance_joints.carried_journal import carried_journal as carried_journal
+from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
+from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
+from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
+from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
+from .model.clearance_joints.pin_in_slot import PinInSlot as PinInSlot
+from .model.clearance_joints.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.drives.functions_of_time import Polynomial as Polynomial
 from .model.drives.functions_of_time import Spline as Spline
 from .model.drives.motor import Motor as Motor
@@ -149,119 +137,63 @@ from .model.drives.piecewise import PiecewiseConstant as PiecewiseConstant
 from .model.drives.piecewise import PiecewiseLinear as PiecewiseLinear
 from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
 from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
-from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
-from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
 from .model.drives.rotation import DriveTorque as DriveTorque
 from .model.drives.rotation import PrescribedRotation as PrescribedRotation
-from .model.film.butenschoen import ButenschoenFilm as ButenschoenFilm
-from .model.film.capone import CaponeFilm as CaponeFilm
-from .model.film.laws import AbstractFilm as AbstractFilm
-from .model.film.pinkus_sternlicht import PinkusSternlichtFilm as PinkusSternlichtFilm
 from .model.forces.bushing import Bushing as Bushing
 from .model.forces.springs_and_loads import AppliedLoad as AppliedLoad
 from .model.forces.springs_and_loads import SpringDamper as SpringDamper
-from .model.forces.torsional_spring import TorsionalSpring as TorsionalSpring
-from .model.joints.base import AbstractConstraint as AbstractConstraint
-from .model.joints.base import AbstractContactJoint as AbstractContactJoint
-from .model.joints.base import AbstractForce as AbstractForce
-from .model.joints.base import Contact as Contact
-from .model.joints.base import Row as Row
-from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
-from .model.joints.distance_joint import DistanceJoint as DistanceJoint
+from .model.forces.springs_and_loads import TorsionalSpring as TorsionalSpring
 from .model.joints.gear_joint import GearJoint as GearJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
+from .model.joints.ideal import DistanceJoint as DistanceJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
 from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
-from .model.joints.massless_link import MasslessLink as MasslessLink
 from .model.joints.planar_joint import PlanarJoint as PlanarJoint
 from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
 from .model.joints.screw_joint import ScrewJoint as ScrewJoint
 from .model.joints.universal_joint import UniversalJoint as UniversalJoint
-from .model.mechanisms.andrews_squeezer import andrews_squeezer as andrews_squeezer
-from .model.mechanisms.bricard import bricard as bricard
-from .model.mechanisms.common import STEEL as STEEL
-from .model.mechanisms.double_four_bar import double_four_bar as double_four_bar
-from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
-from .model.mechanisms.four_bar import four_bar as four_bar
-from .model.mechanisms.gear_pair import gear_pair as gear_pair
-from .model.mechanisms.guided_slider_crank import guided_slider_crank as guided_slider_crank
-from .model.mechanisms.quick_return import quick_return as quick_return
-from .model.mechanisms.robot_arm import robot_arm as robot_arm
-from .model.mechanisms.rotor_in_bearing import rotor_in_bearing as rotor_in_bearing
-from .model.mechanisms.slider_crank import CRANK_LENGTH as CRANK_LENGTH
-from .model.mechanisms.slider_crank import ROD_LENGTH as ROD_LENGTH
-from .model.mechanisms.slider_crank import slider_crank as slider_crank
-from .model.mechanisms.spatial_four_bar import spatial_four_bar as spatial_four_bar
 from .model.orientations import rotation as rotation
-from .model.pen import Marker as Marker
-from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
-from .model.plays.axial import EndPlay as EndPlay
-from .model.plays.axial import FixedAxially as FixedAxially
-from .model.plays.axial import FreeAxially as FreeAxially
-from .model.plays.backlash import Backlash as Backlash
-from .model.plays.ball_in_socket import BallInSocket as BallInSocket
-from .model.plays.carried_journal import CarriedJournal as CarriedJournal
-from .model.plays.carried_journal import carried_journal as carried_journal
-from .model.plays.clearance import ClearanceJoint as ClearanceJoint
-from .model.plays.gear_backlash import GearBacklash as GearBacklash
-from .model.plays.lubricated import LubricatedJoint as LubricatedJoint
-from .model.plays.pin_in_slot import PinInSlot as PinInSlot
-from .model.plays.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter
-from .parametrisation.places import parameters as parameters
-from .parametrisation.places import put as put
-from .parametrisation.scales import AbstractScale as AbstractScale
+from .parametrisation.paths import parameters as parameters
+from .parametrisation.paths import set_value as set_value
 from .parametrisation.scales import Bounded as Bounded
 from .parametrisation.scales import Linear as Linear
 from .parametrisation.scales import Log as Log
 from .quantities.accelerometer import Accelerometer as Accelerometer
 from .quantities.accelerometer import accelerometer as accelerometer
-from .results import RESULTS as RESULTS
+from .result_codes import RESULTS as RESULTS
 from .runtime import XLA_FLAGS as XLA_FLAGS
 from .runtime import configure as configure
 from .scene_files.files import load as load
 from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
-from .scene_files.urdf import JointLimits as JointLimits
 from .scene_files.urdf import load_urdf as load_urdf
 from .scene_files.urdf import urdf_limits as urdf_limits
-from .simulation.batch.dissipated_energy import DissipatedEnergy as DissipatedEnergy
-from .simulation.batch.dissipated_energy import MeanPowerLost as MeanPowerLost
-from .simulation.batch.impact_count import ImpactCount as ImpactCount
-from .simulation.batch.quantiles import Quantiles as Quantiles
-from .simulation.batch.reductions import AbstractReduction as AbstractReduction
-from .simulation.batch.reductions import Peak as Peak
-from .simulation.batch.reductions import Statistics as Statistics
-from .simulation.batch.wear import ArchardWear as ArchardWear
-from .simulation.impact_table import Impacts as Impacts
-from .simulation.interruptions import RunInterrupted as RunInterrupted
-from .simulation.law_ranges import beyond_law_ranges as beyond_law_ranges
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
-from .simulation.nonsmooth.solution import ContactTotals as ContactTotals
-from .simulation.nonsmooth.solution import NonsmoothSolution as NonsmoothSolution
-from .simulation.observe import MotionMode as MotionMode
-from .simulation.observe import Observation as Observation
-from .simulation.observe import observe as observe
-from .simulation.saving import Saving as Saving
-from .simulation.sections import Crossings as Crossings
-from .simulation.sections import Section as Section
-from .simulation.sensitivities import Sensitivities as Sensitivities
-from .simulation.sensitivities import sensitivities as sensitivities
-from .simulation.settings import Settings as Settings
-from .simulation.settle import Settled as Settled
-from .simulation.settle import Settling as Settling
-from .simulation.settle import settle as settle
-from .simulation.simulate import simulate as simulate
-from .simulation.solution import SimulationError as SimulationError
-from .simulation.solution import Solution as Solution
-from .simulation.solution import Trajectory as Trajectory
-from .simulation.wall_impact import FreeImpact as FreeImpact
-from .simulation.wall_impact import free_impact as free_impact
+from .simulation.reductions.dissipated_energy import DissipatedEnergy as DissipatedEnergy
+from .simulation.reductions.dissipated_energy import MeanPowerLost as MeanPowerLost
+from .simulation.reductions.impact_count import ImpactCount as ImpactCount
+from .simulation.reductions.quantiles import Quantiles as Quantiles
+from .simulation.reductions.reductions import Peak as Peak
+from .simulation.reductions.reductions import Statistics as Statistics
+from .simulation.reductions.wear import ArchardWear as ArchardWear
+from .simulation.results.law_ranges import beyond_law_ranges as beyond_law_ranges
+from .simulation.results.observe import observe as observe
+from .simulation.results.solution import SimulationError as SimulationError
+from .simulation.run.interruptions import RunInterrupted as RunInterrupted
+from .simulation.run.saving import Saving as Saving
+from .simulation.run.sections import Section as Section
+from .simulation.run.sensitivities import sensitivities as sensitivities
+from .simulation.run.settle import Settling as Settling
+from .simulation.run.settle import settle as settle
+from .simulation.run.simulate import simulate as simulate
+from .simulation.run.wall_impact import free_impact as free_impact
+from .simulation.step.settings import Settings as Settings
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable
@@ -272,6 +204,17 @@ from .views.viewing import View as View
 from .views.viewing import view as view
 
 __dir__ = _without_modules(
-    globals(), "densities", "extend", "plot", "presets", "quantities", "testing"
+    globals(),
+    "densities",
+    "extend",
+    "films",
+    "frictions",
+    "laws",
+    "mechanisms",
+    "plot",
+    "presets",
+    "quantities",
+    "results",
+    "testing",
 )
 _remember_contents()

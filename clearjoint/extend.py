@@ -48,6 +48,7 @@ from .math.vectors import unpack as unpack
 from .model.bodies import NO_WRENCH as NO_WRENCH
 from .model.bodies import Motion as Motion
 from .model.bodies import Wrench as Wrench
+from .model.clearance_joints.axial import AbstractAxialPolicy as AbstractAxialPolicy
 from .model.contact.bristles import AbstractBristleFriction as AbstractBristleFriction
 from .model.contact.cylinders import AbstractCylinder as AbstractCylinder
 from .model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
@@ -62,6 +63,7 @@ from .model.contact.laws import contact_normal_force as contact_normal_force
 from .model.contact.limits import Limit as Limit
 from .model.contact.stiffness import AbstractElasticity as AbstractElasticity
 from .model.contact.stiffness import AbstractStiffness as AbstractStiffness
+from .model.drives.functions_of_time import AbstractFunctionOfTime as AbstractFunctionOfTime
 from .model.drives.rotation import AbstractDriveTorque as AbstractDriveTorque
 from .model.drives.rotation import AbstractRotationDriver as AbstractRotationDriver
 from .model.film.laws import AbstractFilm as AbstractFilm
@@ -77,16 +79,16 @@ from .model.joints.constraint_rows import perpendicular as perpendicular
 from .model.joints.constraint_rows import point_in_plane as point_in_plane
 from .model.joints.constraint_rows import rows_from_residual as rows_from_residual
 from .model.joints.constraint_rows import turning_angle as turning_angle
-from .model.joints.motion_subspaces import AbstractFreedom as AbstractFreedom
+from .model.joints.motion_subspaces import AbstractMotionSubspace as AbstractMotionSubspace
 from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist
-from .model.plays.axial import AbstractAxialPolicy as AbstractAxialPolicy
+from .model.pen import Marker as Marker
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component
 from .quantities.base import Quantity as Quantity
 from .quantities.instant import Instant as Instant
-from .results import result_number as result_number
-from .results import result_numbers as result_numbers
-from .simulation.batch.reductions import AbstractReduction as AbstractReduction
+from .result_codes import result_number as result_number
+from .result_codes import result_numbers as result_numbers
+from .simulation.reductions.reductions import AbstractReduction as AbstractReduction

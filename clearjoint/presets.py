@@ -1,12 +1,12 @@
-"""Named settings of runs: `default`, `look`, `study`, `reference`,
+"""Named settings of runs: `default`, `preview`, `accurate`, `reference`,
 `derivatives` and `identification`.
 
-They are those of `clearjoint.simulation.presets`, which says what each is for.
+They are those of `clearjoint.simulation.step.presets`, which says what each is for.
 """
 
-from .simulation.presets import default as default
-from .simulation.presets import derivatives as derivatives
-from .simulation.presets import identification as identification
-from .simulation.presets import look as look
-from .simulation.presets import reference as reference
-from .simulation.presets import study as study
+from .simulation.step.presets import accurate as accurate
+from .simulation.step.presets import default as default
+from .simulation.step.presets import derivatives as derivatives
+from .simulation.step.presets import identification as identification
+from .simulation.step.presets import preview as preview
+from .simulation.step.presets import reference as reference

@@ -1,6 +1,6 @@
 """Settings of a process: 64-bit floats, the cache of compiled programs, threads of sweeps.
 
-Nothing here happens at import. Runs refuse JAX's 32-bit floats, which it has unless told otherwise.
+Nothing is set at import. Runs refuse 32-bit floats, which are JAX's default.
 """
 
 import math
@@ -21,11 +21,11 @@ XLA_FLAGS = (
 """Value of the environment variable ``XLA_FLAGS`` for calls of `simulate` inside of `jax.jit`,
 `jax.vmap` or `jax.grad` on CPUs.
 
-XLA's CPU compiler then makes one function of a run's loop, instead of a kernel for each fusion of
-operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`, and the
-program compiled in 2.4 instead of 58 s. XLA reads the variable when JAX first computes something,
-so that `configure` sets it in time if it is called before. These options can't be passed to
-`jax.jit`. Calls of `simulate`, `sweep` and `sensitivities` outside of transformations don't need
+XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
+fusion of operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`,
+and the program compiled in 2.4 instead of 58 s. XLA reads the variable when JAX first computes
+something; `configure` sets it, and must be called before that. These options cannot be passed to
+`jax.jit`. Calls of `simulate`, `sweep` and `sensitivities` outside of transformations do not need
 them.
 
 >>> "xla_cpu_small_while_loop_byte_threshold" in cj.XLA_FLAGS
@@ -34,53 +34,54 @@ True
 _EXTRA = "--xla_backend_extra_options"
 _KEEP = "CLEARJOINT_KEEP_PROGRAMS"
 _CACHE = "jax_compilation_cache_dir"
-_LEAST_KEPT = "jax_persistent_cache_min_compile_time_secs"
-_SHARED = ("jax_enable_x64", _CACHE, _LEAST_KEPT)
+_MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
+_SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
 _NATIVE = "CLEARJOINT_NATIVE"
 Setting = bool | float | str | None
-"""The value of a setting of a process."""
+"""Value of a setting of a process."""
 _threads: int | None = None
-"""Number of threads of sweeps, if set by `configure` or by the process that this one works for."""
+"""Number of threads of sweeps, if set by `configure` or `adopt`."""
 
 
 def default_cache() -> Path:
-    """Folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache folder.
+    """Return the folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache
+    folder.
 
-    A variable that is empty is as none, and so is an ``XDG_CACHE_HOME`` that is no absolute path
-    (XDG Base Directory Specification).
+    Empty variables are ignored, and so is a relative path in ``XDG_CACHE_HOME`` (XDG Base Directory
+    Specification).
     """
-    if own := os.environ.get("CLEARJOINT_CACHE"):
-        return Path(own)
+    if given := os.environ.get("CLEARJOINT_CACHE"):
+        return Path(given)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
 
 
 def configure(threads: int | None = None, cache: str | os.PathLike | None = None) -> None:
-    """Switch 64-bit floats on, and name the folder of compiled programs.
+    """Switch 64-bit floats on, and set the folder of compiled programs.
 
-    It may be called at any time. JAX's arrays that exist before keep their precision, and only if
-    JAX has computed nothing before do calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at
-    full speed on CPUs (see `XLA_FLAGS`).
+    Call it before JAX computes anything, if possible: existing arrays keep their precision, and
+    calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if XLA has
+    not read its flags yet (see `XLA_FLAGS`).
 
-    From then on machine code is kept in the cache's folder, under a digest of the code it is
-    compiled from. Calls whose arguments consist of this package's classes, numbers, strings and
-    arrays alone are kept whole, so that the next process does not trace them. A call with a class
-    or a function of your own is traced in each process, so that a change of your code always
-    counts. The environment variable ``CLEARJOINT_KEEP_PROGRAMS=0`` switches off that programs are
-    kept whole, and ``JAX_ENABLE_COMPILATION_CACHE=0`` all of it: set the former if you replace
-    private functions in the packages that this one computes with (JAX, Diffrax, Equinox, ...).
-    Replaced functions and constants of this package are noticed, and so is an upgrade of it while
-    a process runs.
+    Machine code is saved in the folder, under a digest of the code that it is compiled from. If the
+    arguments of a call consist only of this package's classes, numbers, strings and arrays, the
+    whole program is saved, and the next process loads it without tracing. A call with a
+    user-defined class or function is traced in each process, so that changes of its code are never
+    missed. Replaced functions and constants of this package are noticed, and so is an upgrade while
+    a process runs; replaced private functions of the packages that it uses (JAX, Diffrax, Equinox,
+    ...) are not. If you replace these, set the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``,
+    which switches saving of whole programs off. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all
+    saving off.
 
-    What is read from the folder is executed: it is made for you alone, and one to which others may
-    write is not used, with a warning. Of a folder that may only be read, what it holds is used.
+    Files in the folder are executed. It is made for you alone, and a folder to which other users
+    may write is not used, with a warning. Programs in a read-only folder are used.
 
     **Arguments:**
 
-    - `threads`: that share the lanes of sweeps: one for each core that the process may use, or for
-      each accelerator, unless given.
-    - `cache`: folder of the persistent compilation cache; the variable ``CLEARJOINT_CACHE``, or
-      ``clearjoint`` in the user's cache folder, unless given.
+    - `threads`: number of threads that share the lanes of sweeps. Default: one for each core that
+      the process may use, or for each accelerator.
+    - `cache`: folder of the persistent compilation cache. Default: the variable
+      ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, or `cache` is a file.
 
@@ -100,32 +101,32 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
     read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
-    jax.config.update(_LEAST_KEPT, math.inf if read_only else 0.2)
+    jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
     keep_programs(keep)
 
 
 def _keep() -> bool:
-    """What the environment variable says, if it is set, of whether programs are kept."""
+    """Read from the environment whether programs are saved; yes unless the variable is set."""
     value = os.environ.get(_KEEP) or "1"
     if value not in ("0", "1"):
         raise ValueError(
-            f"The environment variable {_KEEP} is {value!r}: set it to 0, and no compiled programs "
-            "are kept, or to 1."
+            f"The environment variable {_KEEP} is {value!r}: set it to 0 to save no compiled "
+            "programs, or to 1."
         )
     return value == "1"
 
 
 def _usable(cache: str) -> str | None:
-    """The folder of the cache, or ``None``, with a warning, if it must not be used."""
+    """Return the folder of the cache, or warn and return ``None`` if it must not be used."""
     problem = None if "://" in cache else prepare_folder(Path(cache))
     if problem is None:
         return cache
-    warnings.warn(f"Compiled programs are not kept. {problem}", stacklevel=3)
+    warnings.warn(f"Compiled programs are not saved. {problem}", stacklevel=3)
     return None
 
 
 def threads_of_sweeps() -> int:
-    """Threads that share the lanes of sweeps."""
+    """Return the number of threads that share the lanes of sweeps."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -136,13 +137,16 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """The settings of this process that its results and its speed depend on, for `adopt`."""
+    """Return the settings of this process that affect its results and its speed, for `adopt`."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Set what is in force in another process, for which this one computes; on CPUs in a thread."""
+    """Take over the settings of another process, for which this one computes.
+
+    On CPUs it uses one thread, since the processes share the cores.
+    """
     global _threads
     for name in _SHARED:
         jax.config.update(name, values[name])

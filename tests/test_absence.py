@@ -13,13 +13,9 @@ from clearjoint import (
     Baumgarte,
     Body,
     ClearanceJoint,
-    Dahl,
     EndPlay,
     FixedAxially,
-    Hertz,
-    LankaraniNikravesh,
     PrescribedRotation,
-    RegularisedCoulomb,
     RevoluteJoint,
     Scene,
     SphericalJoint,
@@ -28,17 +24,19 @@ from clearjoint import (
 )
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.bristles import initial_bristles
-from clearjoint.dynamics.contact_events import has_memory
+from clearjoint.dynamics.contact_events import uses_entry_speed
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.stabilisation import Unstabilised
 from clearjoint.dynamics.system import System
+from clearjoint.frictions import Dahl, RegularisedCoulomb
+from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import unpack
-from clearjoint.simulation.landing import Landing
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin
-from clearjoint.simulation.step_state import Method
-from clearjoint.simulation.stepping import attempt
-from clearjoint.simulation.unseen_jumps import may_jump_unseen
+from clearjoint.simulation.run.segments import begin
+from clearjoint.simulation.step.discontinuity_monitor import may_have_undeclared_jump
+from clearjoint.simulation.step.landing import Landing
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.step_state import Method
+from clearjoint.simulation.step.stepping import attempt
 from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -73,16 +71,16 @@ DRIVER = PrescribedRotation("ground", "rod", AXIS, 3.0)
 HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
 
 
-def operations(of, memory=None, **formulation):
+def operations(of, entry_speeds=None, **formulation):
     """Primitives of the equations of motion of a scene in absolute coordinates."""
 
-    def rates(scene, state, memory):
+    def rates(scene, state, entry_speeds):
         absolute = Formulation(AbsoluteCoordinates(), **formulation)
         bristles = initial_bristles(unpack(scene), {})
         system = System(unpack(scene), absolute)
-        return system.rates(unpack(state.bodies), memory, 0.0, bristles=bristles)
+        return system.rates(unpack(state.bodies), entry_speeds, 0.0, bristles=bristles)
 
-    return primitives(jax.make_jaxpr(rates)(of, STATE, memory or {}).jaxpr)
+    return primitives(jax.make_jaxpr(rates)(of, STATE, entry_speeds or {}).jaxpr)
 
 
 def test_free_body_solves_no_constraints(monkeypatch):
@@ -119,8 +117,8 @@ ADDED = {
 
 @pytest.mark.parametrize("feature", ADDED)
 def test_feature_only_adds_operations(feature):
-    without, with_it, memory = ADDED[feature]
-    fewer, more = operations(without), operations(with_it, memory)
+    without, with_it, entry_speeds = ADDED[feature]
+    fewer, more = operations(without), operations(with_it, entry_speeds)
     assert fewer - more == Counter()
     assert more.total() > fewer.total()
 
@@ -154,10 +152,10 @@ def test_ledger_of_a_free_body_is_empty():
 
 
 def test_power_of_the_ledger_is_only_what_the_scene_can_have():
-    def booked(of, memory):
+    def booked(of, entry_speeds):
         formulation = Formulation(AbsoluteCoordinates(), ledger=True)
         system = System(unpack(of), formulation)
-        return set(system.rates(unpack(STATE.bodies), memory, 0.0)[1])
+        return set(system.rates(unpack(STATE.bodies), entry_speeds, 0.0)[1])
 
     assert booked(scene(BALL), {}) == {"stabilisation"}
     assert booked(scene(DRIVER), {}) == {"stabilisation", "supplied"}
@@ -184,10 +182,10 @@ def started(of):
 
 
 def test_scene_without_memory_has_none_in_its_state():
-    assert not has_memory(scene(FORCED)) and has_memory(scene(pin(DAMPED)))
-    assert started(scene(FORCED)).memory == {}
-    memory = started(scene(pin(DAMPED))).memory
-    assert {name: set(family) for name, family in memory.items()} == {"pin": {"V", "W"}}
+    assert not uses_entry_speed(scene(FORCED)) and uses_entry_speed(scene(pin(DAMPED)))
+    assert started(scene(FORCED)).entry_speeds == {}
+    entry_speeds = started(scene(pin(DAMPED))).entry_speeds
+    assert {name: set(family) for name, family in entry_speeds.items()} == {"pin": {"V", "W"}}
 
 
 def test_bristles_are_in_the_state_of_their_contacts_alone():
@@ -200,7 +198,7 @@ def test_bristles_are_in_the_state_of_their_contacts_alone():
 
 def test_shoulder_without_memory_has_none_beside_bases_that_have():
     joint = pin(DAMPED, axial=EndPlay(0.01, ELASTIC))
-    assert set(started(scene(joint)).memory["pin"]) == {"V", "W"}
+    assert set(started(scene(joint)).entry_speeds["pin"]) == {"V", "W"}
 
 
 def test_step_without_memory_finds_no_second_rates():
@@ -265,17 +263,17 @@ def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_t
         scene(forces={"push": plain}),
         scene(forces={"push": own}),
     ):
-        assert not may_jump_unseen(unpack(of))
-    assert may_jump_unseen(unpack(scene(forces={"push": Gate("rod", (1, 0, 0))})))
-    assert may_jump_unseen(unpack(scene(pin(Jumping(1e9)))))
+        assert not may_have_undeclared_jump(unpack(of))
+    assert may_have_undeclared_jump(unpack(scene(forces={"push": Gate("rod", (1, 0, 0))})))
+    assert may_have_undeclared_jump(unpack(scene(pin(Jumping(1e9)))))
 
 
 def test_step_without_derivatives_does_not_ask_since_when_contacts_exist():
-    assert started(scene(pin(DAMPED))).proposal.since_begin is None
+    assert started(scene(pin(DAMPED))).proposal.time_since_onset is None
 
 
 def test_ground_is_not_in_the_state():
     step = started(scene(FORCED))
     assert set(step.y.motion) == {"rod"}
     assert len(jax.tree.leaves(step.y)) == 13
-    assert len(jax.tree.leaves(started(FREE).reaches)) == 0
+    assert len(jax.tree.leaves(started(FREE).contact_gaps)) == 0

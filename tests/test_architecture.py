@@ -12,16 +12,16 @@ from collections import Counter
 import pytest
 
 import clearjoint
-from clearjoint.simulation import presets as inner
+from clearjoint.simulation.step import presets as inner
 from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
 
 HIGHEST_FLOOR = 9
-MODULES_BESIDE_ROOMS = 7
+MODULES_BESIDE_ROOMS = 12
 PLACES_OF_ANY = 60
 FLOORS = (
-    ("compilation", "math", "results"),
+    ("compilation", "math", "result_codes"),
     ("fields", "native"),
-    ("model", "runtime", "datasets"),
+    ("model", "runtime", "export"),
     ("dynamics", "parametrisation"),
     ("quantities",),
     ("simulation",),
@@ -44,14 +44,14 @@ THIRD_PARTY = {
     "scipy": {"identification", "model", "plot", "scene_files", "views"},
     "xarray": {
         "command_line",
-        "datasets",
+        "export",
         "identification",
         "measurements",
         "plot",
         "simulation",
         "sweeps",
     },
-    "pandas": {"command_line", "datasets", "information", "measurements"},
+    "pandas": {"command_line", "export", "information", "measurements"},
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
     "pdoc": {"reference"},
@@ -256,10 +256,13 @@ def test_presets_are_a_module_too():
 
 
 def test_an_import_from_inside_is_seen():
-    hidden = "from clearjoint.simulation.stepping import attempt\nfrom clearjoint import results\n"
+    hidden = (
+        "from clearjoint.simulation.step.stepping import attempt\n"
+        "from clearjoint import result_codes\n"
+    )
     assert imported_from_outside(hidden) == {
-        "clearjoint.simulation.stepping",
-        "clearjoint.results",
+        "clearjoint.simulation.step.stepping",
+        "clearjoint.result_codes",
     }
 
 

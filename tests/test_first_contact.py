@@ -1,5 +1,5 @@
-"""What a new user gets wrong in the first hour: each message names the argument, the value, what
-was expected, and what to do. Nothing here compiles a run."""
+"""Typical mistakes of new users: each message names the argument, the value, the expectation and
+the remedy. No test compiles a run."""
 
 import re
 import warnings
@@ -13,7 +13,7 @@ import clearjoint as cj
 from clearjoint import quantities as q
 
 BODY = cj.Body(1.0, (0.01, 0.1, 0.1))
-LAW = cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3))
+LAW = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 HINGE = cj.RevoluteJoint("ground", "arm", ORIGIN, (-0.5, 0, 0), AXIS, AXIS)
 MOTOR = cj.PrescribedRotation("ground", "arm", AXIS, 10.0)
@@ -85,14 +85,14 @@ ERRORS = {
         "`joints['push']`",
         "'AppliedLoad'",
         "AbstractConstraint",
-        "among the `forces`",
+        "in `forces`",
     ),
     "a joint among the forces": (
         lambda: scene(joints={}, forces={"pin": HINGE}),
         "`forces['pin']`",
         "'RevoluteJoint'",
         "AbstractForce",
-        "among the `joints`",
+        "in `joints`",
     ),
     "a body's name in capitals": (
         lambda: scene(joints={"pin": pin(second="Arm")}),
@@ -124,7 +124,7 @@ ERRORS = {
         "one of the two",
     ),
     "a law without its numbers": (
-        lambda: pin(law=cj.LankaraniNikravesh),
+        lambda: pin(law=cj.laws.LankaraniNikravesh),
         "`law`",
         "LankaraniNikravesh",
         "an AbstractContactLaw",
@@ -132,14 +132,14 @@ ERRORS = {
     ),
     "a law by its name": (lambda: pin(law="hertz"), "`law`", "'hertz'", "Abstract", "pass one of"),
     "a law's arguments swapped": (
-        lambda: cj.LankaraniNikravesh(LAW.stiffness, 0.9),
+        lambda: cj.laws.LankaraniNikravesh(LAW.stiffness, 0.9),
         "`restitution`",
         "RavnStiffness",
         "a number",
         "pass a float",
     ),
     "a stiffness by a material": (
-        lambda: cj.LankaraniNikravesh(0.9, "steel"),
+        lambda: cj.laws.LankaraniNikravesh(0.9, "steel"),
         "`stiffness`",
         "'steel'",
         "a number",
@@ -184,11 +184,11 @@ ERRORS = {
         lambda: setattr(SCENE.joints["pin"], "clearance", 1e-3),
         "'clearance'",
         "a ClearanceJoint",
-        "does not change",
-        "cj.put(",
+        "cannot be changed",
+        "cj.set_value(",
     ),
     "a mechanism with its state": (
-        lambda: run(scene=cj.double_pendulum()),
+        lambda: run(scene=cj.mechanisms.double_pendulum()),
         "`scene`",
         "'tuple'",
         "a Scene",
@@ -274,37 +274,37 @@ ERRORS = {
         "contact 'V' of joint 'pin'",
         "assemble(scene, state)",
     ),
-    "a journal to be seated by a text": (
-        lambda: cj.assemble(SCENE, STATE, seated="pin"),
-        "`seated`",
+    "a journal that shall rest by a text": (
+        lambda: cj.assemble(SCENE, STATE, resting="pin"),
+        "`resting`",
         "'pin'",
         "a list",
         '["pin"]',
     ),
-    "a journal to be seated that is none": (
-        lambda: cj.assemble(SCENE, STATE, seated=["Pin"]),
-        "`seated`",
+    "a journal that shall rest that is none": (
+        lambda: cj.assemble(SCENE, STATE, resting=["Pin"]),
+        "`resting`",
         "'Pin'",
         "['pin']",
         "did you mean 'pin'?",
     ),
     "a joint misspelt in a place": (
         lambda: sweep(lambda scene: scene.joints["pn"].clearance),
-        "`place`",
+        "`path`",
         "'pn'",
         "leads to numbers",
         "did you mean 'pin'?",
     ),
     "an attribute that is none": (
-        lambda: cj.put(SCENE, lambda scene: scene.joints["pin"].play, 1.0),
-        "`place`",
+        lambda: cj.set_value(SCENE, lambda scene: scene.joints["pin"].play, 1.0),
+        "`path`",
         "'play'",
         "leads to numbers",
         "cj.parameters(scene)",
     ),
     "a place by its name": (
         lambda: cj.Axis("joints.pin.clearance", [1.0]),
-        "`place`",
+        "`path`",
         "'joints.pin.clearance'",
         "a function",
         "lambda scene",
@@ -329,7 +329,7 @@ ERRORS = {
         "`component`",
         "'Y'",
         "'y'",
-        "name",
+        "pass one of these",
     ),
     "a quantity by its name": (
         lambda: sweep(quantity="arm.y"),
@@ -422,15 +422,15 @@ WARNINGS = {
         lambda: scene(joints={"motor": MOTOR}),
         cj.LooseBodyWarning,
         "'motor'",
-        "no joint holds it",
+        "no joint holds",
         "RevoluteJoint",
     ),
     "a body without a joint": (
         lambda: scene(bodies={"arm": BODY, "leg": BODY}),
         cj.LooseBodyWarning,
         "'leg'",
-        "flies free",
-        "name it in one",
+        "moves freely",
+        "connect it",
     ),
     "millimetres": (
         lambda: pin(bearing_radius=10.0, clearance=0.5),
@@ -440,7 +440,7 @@ WARNINGS = {
         "1 mm is 1e-3 m",
     ),
     "gigapascals": (
-        lambda: cj.RavnStiffness(207, 0.3),
+        lambda: cj.laws.RavnStiffness(207, 0.3),
         cj.UnusualValueWarning,
         "`young_modulus`",
         "207 Pa",
@@ -459,8 +459,8 @@ def test_a_warning_says_what_to_do(case):
     assert caught[0].filename == __file__ and f"category=clearjoint.{category.__name__}" in message
 
 
-def test_what_is_held_is_not_warned_of():
-    """A drive beside its joint, or held through another body; a projectile; a body on a spring."""
+def test_supported_bodies_cause_no_warning():
+    """A drive with its joint, or supported through a body; a projectile; a body on a spring."""
     crank = cj.RevoluteJoint("ground", "crank", ORIGIN, ORIGIN, AXIS, AXIS)
     rod = cj.SphericalJoint("crank", "arm", ORIGIN, ORIGIN)
     spring = cj.SpringDamper("ground", "leg", ORIGIN, ORIGIN, 1.0)
@@ -469,5 +469,11 @@ def test_what_is_held_is_not_warned_of():
         scene(bodies={"arm": BODY, "crank": BODY}, joints={"a": crank, "b": rod, "motor": MOTOR})
         scene(joints={})
         scene(bodies={"arm": BODY, "leg": BODY}, forces={"spring": spring})
-        for make in (cj.slider_crank, cj.four_bar, cj.gear_pair, cj.robot_arm, cj.rotor_in_bearing):
+        for make in (
+            cj.mechanisms.slider_crank,
+            cj.mechanisms.four_bar,
+            cj.mechanisms.gear_pair,
+            cj.mechanisms.robot_arm,
+            cj.mechanisms.rotor_in_bearing,
+        ):
             make()

@@ -47,7 +47,7 @@ EXPECTED = {
 }
 """What each notebook prints, among other things, in both settings."""
 COSTLY = {"sweeps_and_bifurcations", "what_data_can_tell"}
-"""Those that compile longest, a sweep with a section and `horizon`, which have tests of their
+"""Those that compile longest, a sweep with a section and `fit_horizon`, which have tests of their
 own."""
 
 

@@ -1,4 +1,4 @@
-"""Settings of a process: what one call sets, at any time."""
+"""Settings of a process by `configure` and environment variables."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from clearjoint import runtime
 
 
 def python(code, **variables):
-    """What a process prints that has no settings but those given."""
+    """Return the output of a process without other settings than those given."""
     kept = {
         name: value for name, value in os.environ.items() if "JAX" not in name and "XLA" not in name
     }
@@ -26,7 +26,7 @@ def python(code, **variables):
 
 
 @pytest.mark.parametrize("base", ["", "cache"])
-def test_a_cache_folder_that_is_empty_or_relative_is_as_none(base, monkeypatch, tmp_path):
+def test_an_empty_or_relative_cache_folder_is_ignored(base, monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("CLEARJOINT_CACHE", "")
     monkeypatch.setenv("XDG_CACHE_HOME", base)
@@ -38,7 +38,7 @@ def test_a_cache_folder_that_is_empty_or_relative_is_as_none(base, monkeypatch, 
 
 
 @pytest.mark.parametrize("threads", [0, 2.5, "4"])
-def test_threads_are_a_whole_number(threads):
+def test_threads_must_be_a_positive_integer(threads):
     with pytest.raises(ValueError, match="`threads` must be a whole number, positive"):
         runtime.configure(threads)
 
@@ -49,20 +49,20 @@ def test_a_cache_that_is_a_file_is_refused_before_anything_is_set(tmp_path):
         runtime.configure(cache=tmp_path / "file")
 
 
-def test_a_cache_that_must_not_be_used_is_warned_of(tmp_path):
+def test_a_cache_that_must_not_be_used_gives_a_warning(tmp_path):
     tmp_path.chmod(0o777)
-    with pytest.warns(UserWarning, match="programs are not kept. Others than you may write"):
+    with pytest.warns(UserWarning, match="programs are not saved. Other users may write"):
         assert runtime._usable(str(tmp_path)) is None
     assert runtime._usable("gs://bucket/cache") == "gs://bucket/cache"
 
 
 @pytest.mark.parametrize(("value", "kept"), [("", True), ("1", True), ("0", False)])
-def test_a_variable_switches_off_that_programs_are_kept(value, kept, monkeypatch):
+def test_a_variable_switches_saving_of_programs_off(value, kept, monkeypatch):
     monkeypatch.setenv("CLEARJOINT_KEEP_PROGRAMS", value)
     assert runtime._keep() is kept
 
 
-def test_a_variable_of_another_value_is_refused(monkeypatch):
+def test_other_values_of_the_variable_are_refused(monkeypatch):
     monkeypatch.setenv("CLEARJOINT_KEEP_PROGRAMS", "no")
     with pytest.raises(ValueError, match="CLEARJOINT_KEEP_PROGRAMS is 'no': set it to 0"):
         runtime.configure()
@@ -85,12 +85,12 @@ print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint.runtime.threads_of_swee
 print(jax.config.jax_compilation_cache_dir, keeps_programs())
 clearjoint.configure(cache="FOLDER")
 print(clearjoint.runtime.threads_of_sweeps())
-scene, state = clearjoint.double_pendulum()
+scene, state = clearjoint.mechanisms.double_pendulum()
 print(clearjoint.simulate(scene, state, 1e-4).final.bodies["arm 2"].position.dtype)
 """
 
 
-def test_configure_after_jax_has_started_sets_all(tmp_path):
+def test_configure_after_the_start_of_jax(tmp_path):
     code = CONFIGURE.replace("FOLDER", str(tmp_path))
     floats, cache, threads, result = python(code, CLEARJOINT_KEEP_PROGRAMS="0")
     assert floats == "float32 float64 3"
@@ -107,7 +107,7 @@ print(float(np.abs(jax.jit(jax.numpy.arctan)(x) - np.arctan(x)).max()))
 """
 
 
-def test_arctangents_of_arrays_are_right():
+def test_arctangents_of_arrays_are_correct():
     """XLA's are not in vectors of 512 bits (jax issue 39352), which it doesn't take by itself."""
     (error,) = python(ARCTANGENT)
     assert float(error) < 1e-15

@@ -7,7 +7,7 @@ import pytest
 from clearjoint.identification.minimise import Minimum
 from clearjoint.identification.starts import Starts
 from clearjoint.information.fisher_information import covariance
-from clearjoint.results import RESULTS
+from clearjoint.result_codes import RESULTS
 from tests.support.shapes import checking, modules_with_shapes
 
 

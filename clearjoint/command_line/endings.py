@@ -1,4 +1,4 @@
-"""How the program ends: what it says of what went wrong, and its exit codes."""
+"""Messages, errors and exit codes of the program."""
 
 import sys
 import warnings
@@ -15,14 +15,14 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
-    """How a command ended: its exit code, and its result in a line."""
+    """Exit code and result, in a line, of a command."""
 
     code: int
     line: str
 
 
 def say(text: str) -> None:
-    """Tell the user something that is no result: it goes to the error stream."""
+    """Print a message to the error stream, which results don't use."""
     click.echo(text, err=True)
 
 
@@ -33,32 +33,28 @@ def end(code: int) -> NoReturn:
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Inside, errors become a sentence and an exit code, and warnings a line each."""
+    """Context in which errors become a sentence and an exit code, and warnings a line each."""
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_args, **_options: say(_warning(message))
+        warnings.showwarning = _say_warning
         try:
             yield
         except click.exceptions.Exit:
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
-            say(f"error: {_sentence(error)}")
+            text = str(error)
+            if isinstance(error, OSError) and error.strerror:
+                text = f"{error.filename}: {error.strerror}."
+            say(f"error: {text}")
             end(BAD_INPUT if isinstance(error, ValueError | OSError | ImportError) else FAILED)
         except KeyboardInterrupt:
             say("interrupted")
             end(INTERRUPTED)
 
 
-def _warning(message: Warning | str) -> str:
-    """A warning without how Python silences it."""
-    return f"warning: {str(message).split(SILENCE)[0].rstrip()}"
-
-
-def _sentence(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}."
-    return str(error)
+def _say_warning(message: Warning | str, *_arguments: object, **_options: object) -> None:
+    say(f"warning: {str(message).split(SILENCE)[0].rstrip()}")  # without the advice for Python
 
 
 def shows_progress() -> bool:
-    """Whether there is an error stream, on which progress is shown."""
+    """Whether there is an error stream for a progress bar."""
     return sys.stderr is not None

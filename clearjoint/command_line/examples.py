@@ -1,4 +1,4 @@
-"""`clearjoint new`: a scene and a study to begin with, of a ready mechanism."""
+"""`clearjoint new`: example files of a scene and a study."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,18 +10,18 @@ from ..model.mechanisms.double_pendulum import double_pendulum
 from ..model.mechanisms.four_bar import four_bar
 from ..model.mechanisms.slider_crank import slider_crank
 from ..model.scene import Scene
-from ..scene_files.complaints import FilePlace
 from ..scene_files.files import save
+from ..scene_files.locations import FileLocation
 
 STUDY = Path(__file__).parent / "templates" / "study.toml"
 SCENE_HEAD = """\
-# A scene: bodies, joints, forces, gravity, and the state that a run begins with. Numbers are in the
-# SI units that the comments tell; texts may have another unit: clearance = "0.1 mm".
+# A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
+# the comments give; texts may have another unit: clearance = "0.1 mm".
 #
-#   clearjoint check {scene}            is it right, and can it run?
+#   clearjoint check {scene}            check that the scene can run
 #   clearjoint run {scene} --end 0.1
 #
-# `clearjoint schema` prints all that may stand in a scene, for editors that complete.
+# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete.
 
 """
 MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
@@ -41,35 +41,35 @@ MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] 
         | {"every": "0.02 ms", "after": "12 ms"},
     ),
 }
-"""What makes each mechanism, and what stands in its study."""
+"""For each mechanism, the function that makes it and the values in its study."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """The texts of a scene file and of a study file for a mechanism.
+    """Return the texts of a scene file and a study file for a mechanism.
 
     **Arguments:** `scene`, `study`: the names of the files.
     """
-    make, words = MECHANISMS[mechanism]
+    make, values = MECHANISMS[mechanism]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*make(), path)
         saved = path.read_text(encoding="utf-8")
     names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
-    text = Template(STUDY.read_text(encoding="utf-8")).substitute(words, **names)
+    text = Template(STUDY.read_text(encoding="utf-8")).substitute(values, **names)
     return SCENE_HEAD.format(scene=scene) + saved, text
 
 
 def write_example(mechanism: str, folder: Path) -> list[Path]:
-    """Write both files into a folder; their paths.
+    """Write both files into a folder and return their paths.
 
-    **Raises:** `ValueError` if one is there already.
+    **Raises:** `ValueError` if one exists.
     """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     paths = [folder / name for name in names]
     for path in paths:
         if path.exists():
             remedy = "remove it, or choose another folder by --out"
-            FilePlace(str(path)).refuse("a file", "none that would be overwritten", remedy)
+            FileLocation(str(path)).refuse("a file", "no existing file", remedy)
     folder.mkdir(parents=True, exist_ok=True)
     for path, text in zip(paths, example_texts(mechanism, *names), strict=True):
         path.write_text(text, encoding="utf-8")

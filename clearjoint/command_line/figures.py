@@ -1,6 +1,5 @@
-"""Figures of results, each written as a PNG file."""
+"""Draw the figures of results as PNG files."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 from zlib import crc32
 
@@ -9,13 +8,13 @@ import numpy as np
 
 from .. import plot
 from ..identification.fit import Fit
-from ..model.plays.journal_bases import HasJournal
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..plot.cycle import section_points
 from ..plot.labels import scaled
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import Observation
-from ..simulation.solution import Solution
+from ..plot.sections import section_points
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Solution
 from .endings import say
 from .folders import OUTPUTS, Folder
 
@@ -24,29 +23,25 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DOTS = 150
-"""Dots an inch."""
+DPI = 150
+"""Resolution of the files, dots per inch."""
 LONGEST_FILE = 200
-"""Bytes of a file's name, without its ending; file systems take 255."""
+"""Longest file name without suffix, bytes; file systems allow 255."""
 MOST_LINES = 6
-"""Values of a second axis for which a curve each is drawn; beyond, a map is."""
+"""Values of a second axis up to which each gets a curve; for more, a map is drawn."""
 
 
-def draw_run(
-    folder: Folder, scene: Scene, solution: Solution, observed: Observation | None
-) -> None:
-    """Orbit, eccentricity and forces of each joint with play, energies, outputs and sections."""
-    _without_window()
-    for name, joint in scene.contact_joints().items() if observed is not None else ():
-        assert observed is not None
+def draw_run(folder: Folder, scene: Scene, solution: Solution, observed: Observation) -> None:
+    """Draw orbit and forces of each clearance joint, energies, outputs, sections and a report."""
+    matplotlib.use("agg")
+    for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
             _write(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
         forces = plot.contact_forces(observed, name)
         _mark_peaks(forces, solution.impacts, name)
         _write(folder, f"{name} forces", forces)
-    if observed is not None:
-        _draw_energies(folder, observed)
+    _write(folder, "energies", plot.energy_ledger(observed)[0])
     outputs = folder.table(OUTPUTS)
     if outputs is not None:
         for name in map(str, outputs.data_vars):
@@ -55,20 +50,21 @@ def draw_run(
             _write(folder, f"output {name}", drawn)
     for name, crossings in solution.sections.items():
         _draw_section(folder, name, crossings.to_xarray())
-    _report_page(folder, scene, solution)
+    title = str(folder.summary()["title"])
+    plot.report(scene, solution, folder / "report.pdf", title=title)
 
 
 def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
-    """Each output over the first axis, a curve for each value of a second one, or a map."""
-    _without_window()
+    """Draw each output over the first axis, as a curve for each value of a second, or as a map."""
+    matplotlib.use("agg")
     axes = [str(dim) for dim in dataset["result"].dims]
     if axes == ["lane"]:
         coordinates = dataset["result"].coords
         axes = [str(name) for name in coordinates if coordinates[name].dims == ("lane",)][:1]
     for name, variable in dataset.data_vars.items():
         along_lanes = variable.dims == dataset["result"].dims
-        reported = name not in ("result", "attempts", "accepted", "time_reached")
-        if along_lanes and reported and variable.dtype.kind == "f":
+        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        if along_lanes and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
     for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
         channels = [v for v in dataset if f"{name}_number" in dataset[v].dims]
@@ -78,8 +74,8 @@ def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
 
 
 def draw_fit(folder: Folder, found: Fit) -> None:
-    """The series with their fits, and the correlations of the estimates."""
-    _without_window()
+    """Draw the series with their fits, and the correlations of the estimates."""
+    matplotlib.use("agg")
     _save(folder, "fitted", plot.fitted(found)[0, 0].figure)
     if len(found.parameters) > 1:
         _write(folder, "correlations", plot.correlations(found))
@@ -100,15 +96,15 @@ def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[st
     elif len(axes) == 2:
         _write(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
     else:
-        say(f"no figure of {name}: the sweep has {len(axes)} axes, more than two")
+        say(f"note: no figure of {name}, since the sweep has {len(axes)} axes, more than two")
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """The largest force of each impact of a joint, which saved instants may miss."""
-    if impacts is None or not (here := impacts.joint == joint).any():
+    """Mark the largest force of each impact of a joint, which the saved states may miss."""
+    if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
-    peaks = impacts.peak_force[here] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
-    times = impacts.peak_time[here] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
+    peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
+    times = impacts.peak_time[of_joint] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
     forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
     forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
     columns = len(forces.get_legend_handles_labels()[1])
@@ -118,7 +114,7 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
 
 
 def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
-    """Dots at the largest and the smallest value of an output, which its samples may miss."""
+    """Mark the largest and the smallest value of an output, which the saved states may miss."""
     attributes = outputs[name].attrs
     if "largest" not in attributes:
         return
@@ -128,22 +124,8 @@ def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
         drawn.plot(x, y, "o", color=plot.style.DARK, markersize=4)
 
 
-def _draw_energies(folder: Folder, observed: Observation) -> None:
-    """The energy ledger where `plot` draws one, else the energies of the motion."""
-    ledger = getattr(plot, "energy_ledger", None)
-    if ledger is not None:
-        _write(folder, "energies", np.ravel(ledger(observed))[0])
-        return
-    elastic = [n for n in observed.energies if n in ("springs", "contacts", "bristles")]
-    curves = {n: observed.energies[n] for n in ("kinetic", "gravity", "mechanical")}
-    if elastic:
-        curves["elastic"] = sum(observed.energies[name] for name in elastic)
-    table = replace(observed, energies=curves).to_xarray()
-    _write(folder, "energies", _over_time(table, "energy", "energy_term"))
-
-
 def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
-    """The crossings as a Poincaré map of the first two channels, or of one over time."""
+    """Draw the crossings as a Poincaré map of the first two channels, or of one over time."""
     channels = list(map(str, crossings.data_vars))[:2]
     channels = ["time", *channels] if len(channels) == 1 else channels
     if crossings.sizes["time"]:
@@ -154,29 +136,11 @@ def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
         _write(folder, f"section {name}", drawn)
 
 
-def _over_time(table: "xr.Dataset", name: str, along: str | None = None) -> "Axes":
-    """A variable over time, a line for each label of another dimension."""
+def _over_time(table: "xr.Dataset", name: str) -> "Axes":
     axes = plot.style.axes_or_new(None)
     times, values = scaled(table["time"]), scaled(table[name])
-    labels = [None] if along is None else table[along].values.tolist()
-    rows = values.values.reshape(len(times.values), -1).T
-    for row, label, (colour, style) in zip(rows, labels, plot.style.lines(), strict=False):
-        axes.plot(times.values, row, color=colour, linestyle=style, linewidth=1.4, label=label)
-    if along is not None:
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
     return plot.style.dress(axes, times.label, values.label)
-
-
-def _report_page(folder: Folder, scene: Scene, solution: Solution) -> None:
-    """The page of all pictures, where `plot.report` is there to make it."""
-    report = getattr(plot, "report", None)
-    if report is not None:
-        title = str(folder.summary()["title"])
-        report(scene, solution, folder / "report.pdf", title=title)
-
-
-def _without_window() -> None:
-    matplotlib.use("agg")
 
 
 def _write(folder: Folder, name: str, axes: "Axes") -> None:
@@ -189,5 +153,5 @@ def _save(folder: Folder, name: str, figure: "Figure") -> None:
     file = name.replace(" ", "_").replace("/", "_")
     if len(file.encode()) > LONGEST_FILE:
         file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
-    figure.savefig(folder.figures / f"{file}.png", dpi=DOTS)
+    figure.savefig(folder.figures / f"{file}.png", dpi=DPI)
     pyplot.close(figure)

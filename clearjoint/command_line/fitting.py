@@ -1,39 +1,41 @@
-"""`clearjoint fit`: parameters from measurements, and what is known of them."""
+"""`clearjoint fit`: estimate parameters from measurements."""
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..datasets.labelled import Labelled, labelled_dataset
+from ..export.labelled import Labelled, labelled_dataset
 from ..identification.fit import Fit
 from ..identification.identify import FitInterrupted, identify
 from ..identification.levenberg_marquardt import Ending, Iteration
 from ..measurements.readers import Channel, read_csv
 from ..measurements.series import Measurements, Series
 from ..parametrisation.parameter import Parameter
-from ..scene_files.complaints import FilePlace
+from ..scene_files.locations import FileLocation
 from ..scene_files.numbers import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import Folder
 from .reports import write_fit_report
 from .study import Study
-from .study_parts import ColumnPart, FitPart
+from .study_parts import FitPart
 
 ESTIMATES, REPORT = "estimates", "report.txt"
 FITTED_SCENE = "fitted.toml"
 
 
 def fit(study: Study, out: Path) -> CommandResult:
-    """Fit a study's parameters and write what was found."""
+    """Fit a study's parameters and write the estimates, the fitted series and a report."""
     part = study.parts.fit
     if part is None:
-        study.place.at("fit").refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
-    begun, place = time.perf_counter(), study.place.at("fit")
-    measured, (parameters, guess) = _measured(study, part, place), _parameters(study, part, place)
+        study.location.at("fit").refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
+    start, location = time.perf_counter(), study.location.at("fit")
+    measured = _measured(study, part, location)
+    parameters, guess = _parameters(study, part, location)
     measured.check(study.scene)
-    iterations, interrupted = _Iterations(parameters, part.max_iterations), False
+    interrupted = False
     try:
         found = identify(
             study.scene,
@@ -46,37 +48,44 @@ def fit(study: Study, out: Path) -> CommandResult:
             starts=part.starts,
             grow=part.grow,
             max_iterations=part.max_iterations,
-            progress=iterations,
+            progress=partial(_say_iteration, parameters, part.max_iterations),
         )
     except FitInterrupted as stopped:
         if not stopped.fits:
-            return CommandResult(INTERRUPTED, "interrupted before the first run had ended")
+            return CommandResult(INTERRUPTED, "interrupted before the first run ended")
         interrupted, found = True, stopped.fits[-1]
     folder = Folder.made(out)
     _write(found, folder)
     converged = found.ending is Ending.CONVERGED
-    summary = _summary(study, found, time.perf_counter() - begun)
-    folder.write_summary(summary | ({"ended": "interrupted"} if interrupted else {}))
+    summary = {
+        "ended": "interrupted" if interrupted else found.ending.value,
+        "samples": found.samples,
+        "chi_squared": found.chi_squared,
+        "degrees_of_freedom": found.degrees_of_freedom,
+    }
+    folder.write_summary("fit", study, summary, start)
     write_fit_report(folder, found)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"
         return CommandResult(INTERRUPTED, line)
     if not converged:
-        say(f"error: the fit has not converged: {found.ending.value}")
+        say(f"error: the fit did not converge: {found.ending.value}")
     estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
     line = f"{found.ending.value}, chi squared {found.chi_squared:.4g}, {', '.join(estimates)}"
     return CommandResult(WELL if converged else FAILED, line)
 
 
-def _measured(study: Study, part: FitPart, place: FilePlace) -> Measurements:
+def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
     """The measurements, with their noise in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
-        place.at("measurements").refuse(part.measurements, "a CSV file", f"there is no {path}")
-    texts = {name for name, one in part.columns.items() if isinstance(one.noise, str)}
+        remedy = f"there is no {path}"
+        location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
+    # A noise that is a text is converted below, when the unit of its series is known.
+    texts = {name for name, column in part.columns.items() if isinstance(column.noise, str)}
     channels = {
-        name: Channel(one.quantity, 1.0 if name in texts else one.noise, one.unit)
-        for name, one in part.columns.items()
+        name: Channel(column.quantity, 1.0 if name in texts else column.noise, column.unit)
+        for name, column in part.columns.items()
     }
     options = {} if part.comment is None else {"comment": part.comment}
     read = read_csv(
@@ -87,54 +96,46 @@ def _measured(study: Study, part: FitPart, place: FilePlace) -> Measurements:
         missing="drop" if part.missing == "drop" else "refuse",
         **options,
     )
-    columns = place.at("columns")
-    return Measurements(
-        {
-            name: _noisy(one, part.columns[name], columns.at(name)) if name in texts else one
-            for name, one in read.series.items()
-        }
-    )
-
-
-def _noisy(series: Series, column: ColumnPart, place: FilePlace) -> Series:
-    """The series with the noise that a text with a unit gives."""
-    noise = number_of_text(column.noise, series.unit, place.at("noise"))
-    rows = series.times, series.values
-    return Series(series.channel, *rows, noise, series.unit, series.name)
+    converted = {}
+    for name, series in read.series.items():
+        if name in texts:
+            noise_location = location.at("columns", name, "noise")
+            noise = number_of_text(part.columns[name].noise, series.unit, noise_location)
+            rows = series.times, series.values
+            series = Series(series.channel, *rows, noise, series.unit, series.name)
+        converted[name] = series
+    return Measurements(converted)
 
 
 def _parameters(
-    study: Study, part: FitPart, place: FilePlace
+    study: Study, part: FitPart, location: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """The parameters, and the first guesses that the study gives."""
+    """The parameters, and their first guesses in the study."""
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
-        where = place.at("parameters").at(name)
-        found = study.find(one.place, where.at("place"))
+        part_location = location.at("parameters", name)
+        found = study.find(one.path, part_location.at("path"))
         make = Parameter.initial if found.in_state else Parameter
-        parameters[name] = make(found.place, one.scale, unit=found.unit)
+        parameters[name] = make(found.path, one.scale, unit=found.unit)
         if one.guess is not None:
-            guess[name] = found.number(one.guess, where.at("guess"))
+            guess[name] = found.number(one.guess, part_location.at("guess"))
     return parameters, guess
 
 
-class _Iterations:
-    """Tells each iteration."""
-
-    def __init__(self, parameters: Mapping[str, Parameter], most: int):
-        self._parameters, self._most = parameters, most
-
-    def __call__(self, iteration: Iteration) -> None:
-        values = ", ".join(f"{n} {value:.6g}" for n, value in self._values(iteration).items())
-        mark = "" if iteration.accepted else " (rejected)"
-        say(
-            f"iteration {iteration.number} of at most {self._most}: "
-            f"chi squared {iteration.chi_squared:.6g}, {values}{mark}"
+def _say_iteration(
+    parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
+) -> None:
+    values = ", ".join(
+        f"{name} {float(parameter.scale.value(coordinate)):.6g}"
+        for (name, parameter), coordinate in zip(
+            parameters.items(), iteration.coordinates, strict=True
         )
-
-    def _values(self, iteration: Iteration) -> dict[str, float]:
-        pairs = zip(self._parameters.items(), iteration.coordinates, strict=True)
-        return {name: float(p.scale.value(u)) for (name, p), u in pairs}
+    )
+    rejected = "" if iteration.accepted else " (rejected)"
+    say(
+        f"iteration {iteration.number} of at most {max_iterations}: "
+        f"chi squared {iteration.chi_squared:.6g}, {values}{rejected}"
+    )
 
 
 def _write(found: Fit, folder: Folder) -> None:
@@ -151,16 +152,3 @@ def _write(found: Fit, folder: Folder) -> None:
         times = {"time": Labelled(("time",), np.asarray(series.times), "s", "time")}
         folder.write_table(f"series {name}", labelled_dataset(f"fit of {name}", rows, times))
     (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
-
-
-def _summary(study: Study, found: Fit, seconds: float) -> dict[str, str | int | float]:
-    return {
-        "kind": "fit",
-        "title": study.title,
-        "file": str(study.path),
-        "ended": found.ending.value,
-        "samples": found.samples,
-        "chi_squared": found.chi_squared,
-        "degrees_of_freedom": found.freedom,
-        "seconds": round(seconds, 2),
-    }

@@ -1,6 +1,7 @@
-"""Folders of results: what is in them, and how a run is read back."""
+"""Write and read the folders of results."""
 
 import json
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields
@@ -9,30 +10,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..datasets.provenance import Notes
-from ..datasets.tabular import write_netcdf
 from ..dynamics.formulation import Formulation
+from ..export.tabular import write_netcdf
 from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
-from ..results import RESULTS
+from ..result_codes import RESULTS
 from ..scene_files.files import load, save
-from ..simulation.impact_table import Impacts
-from ..simulation.sections import Crossings
-from ..simulation.solution import Solution, Trajectory
-from ..simulation.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.solution import Solution, Trajectory
+from ..simulation.results.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
+from ..simulation.run.sections import Crossings
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from .study import Study
 
 SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Names of the tables of a run, each in a netCDF and in a CSV file."""
 NUMBERS = "numbers.csv"
-"""What is one number of a run."""
+"""Outputs that are one number of the run."""
 SECTION = "section "
-"""Of each section's table, before its name."""
+"""Prefix of the table of a section."""
 STORE = "sweep.zarr"
 FIGURES = "figures"
 PAGE = "index.html"
@@ -48,15 +50,15 @@ class Folder:
 
     @staticmethod
     def made(path: Path) -> "Folder":
-        """The folder at a path, made if it is not there."""
+        """The folder at a path, which is created if it does not exist."""
         path.mkdir(parents=True, exist_ok=True)
         return Folder(path)
 
     @staticmethod
     def found(path: Path) -> "Folder":
-        """The folder at a path, which has results.
+        """The folder of results at a path.
 
-        **Raises:** `ValueError` for any other.
+        **Raises:** `ValueError` for a folder without results.
         """
         if not (path / SUMMARY).is_file():
             raise ValueError(
@@ -70,50 +72,60 @@ class Folder:
 
     @property
     def figures(self) -> Path:
-        """The folder of the figures, made if it is not there."""
+        """The folder of the figures, which is created if it does not exist."""
         folder = self.path / FIGURES
         folder.mkdir(exist_ok=True)
         return folder
 
     def pictures(self) -> list[Path]:
-        """The figures, in their order."""
+        """Paths of the figures, sorted by name."""
         return sorted((self.path / FIGURES).glob("*.png"))
 
-    def write_summary(self, summary: Summary) -> None:
-        """Write what the results are, for a reader and for `clearjoint report`."""
-        text = json.dumps(dict(summary), indent=2, ensure_ascii=False)
+    def write_summary(self, kind: str, study: "Study", results: Summary, start: float) -> None:
+        """Write the summary, for users and for `clearjoint report`.
+
+        **Arguments:** `kind`: "run", "sweep" or "fit"; `start`: `time.perf_counter` at its start.
+        """
+        summary = {
+            "kind": kind,
+            "title": study.title,
+            "file": str(study.path),
+            **results,
+            "seconds": round(time.perf_counter() - start, 2),
+        }
+        text = json.dumps(summary, indent=2, ensure_ascii=False)
         (self / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
     def summary(self) -> dict[str, str | int | float]:
-        """What the results are."""
+        """Read the summary."""
         return json.loads((self / SUMMARY).read_text(encoding="utf-8"))
 
     def write_scene(self, scene: Scene, state: State, name: str = SCENE) -> None:
-        """Write a scene with a state; a state that no file can hold, such as NaN, is left out."""
+        """Write a scene with a state, unless the state can't be saved because of NaN."""
         with suppress(ValueError):
             save(scene, state, self / name)
 
     def write_table(self, name: str, table: "xr.Dataset", csv: bool = True) -> None:
         """Write a dataset as netCDF, and as CSV."""
-        from ..datasets.frames import to_frame
+        from ..export.tabular import to_frame
 
         write_netcdf(table, self / f"{name}.nc")
         if csv:
             to_frame(table).to_csv(self / f"{name}.csv")
 
     def table(self, name: str) -> "xr.Dataset | None":
-        """A dataset that was written, if it was."""
+        """Read a dataset; ``None`` if there is none of this name."""
         import xarray as xr
 
         path = self / f"{name}.nc"
         if not path.exists():
             return None
-        found = xr.load_dataset(path, engine="scipy")
-        return found.rename({n: v.attrs.get("original_name", n) for n, v in found.items()})
+        table = xr.load_dataset(path, engine="scipy")
+        return table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
 
 
 def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
-    """The scene of a run and its solution, as far as files hold it.
+    """Read the scene of a run and its solution, as far as it is saved.
 
     **Raises:** `ValueError` for a folder without a run.
     """
@@ -125,8 +137,11 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
         )
     with quiet():
         scene, _ = load(folder / SCENE)
-    finals = [str(name) for name in motion.data_vars if str(name).startswith("final_")]
-    reached = {name.removeprefix("final_"): motion[name] for name in finals}
+    reached = {
+        str(name).removeprefix("final_"): values
+        for name, values in motion.data_vars.items()
+        if str(name).startswith("final_")
+    }
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
@@ -143,24 +158,22 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
         formulation=Formulation(redundant=bool(names)),
         redundant_constraints=names,
         sections=_sections(folder),
-        settings=_settings(motion),
+        settings=tuple(
+            (key, value.item() if isinstance(value, np.generic) else value)
+            for key, value in motion.attrs.items()
+            if key.startswith("setting_")
+        ),
     )
     return scene, solution
 
 
-def _settings(motion: "xr.Dataset") -> Notes:
-    """The settings of a run, of which a file holds numbers as arrays."""
-    found = {k: v for k, v in motion.attrs.items() if k.startswith("setting_")}
-    return tuple((k, v.item() if isinstance(v, np.generic) else v) for k, v in found.items())
-
-
 def _state(scene: Scene, tables: Mapping) -> State:
-    """States of the parts that `state_arrays` made."""
+    """States from the tables that `state_arrays` made."""
     bodies = {
         name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies
     }
-    memory = _by_contact(scene, tables.get("entry_speed"), CONTACTS)
+    entry_speeds = _by_contact(scene, tables.get("entry_speed"), CONTACTS)
     bristles = _by_contact(scene, tables.get("bristle_deflection"), BRISTLES)
     ledger = tables.get("ledger")
     work = (
@@ -168,7 +181,7 @@ def _state(scene: Scene, tables: Mapping) -> State:
         if ledger is None
         else {str(n): ledger.sel(integral=n).values for n in ledger.integral.values}
     )
-    return State(bodies, memory, work, bristles)
+    return State(bodies, entry_speeds, work, bristles)
 
 
 def _by_contact(
@@ -177,7 +190,7 @@ def _by_contact(
     if table is None:
         return {}
     labels = table[dim].values.tolist()
-    found = {
+    by_joint = {
         joint: {
             contact: table.sel({dim: contact_label(joint, contact)}).values
             for contact in family
@@ -185,7 +198,7 @@ def _by_contact(
         }
         for joint, family in scene.laws().items()
     }
-    return {joint: family for joint, family in found.items() if family}
+    return {joint: family for joint, family in by_joint.items() if family}
 
 
 def _impacts(table: "xr.Dataset | None") -> Impacts | None:
@@ -197,11 +210,11 @@ def _impacts(table: "xr.Dataset | None") -> Impacts | None:
 
 
 def _sections(folder: Folder) -> dict[str, Crossings]:
-    found = {}
+    sections = {}
     for path in sorted(folder.path.glob(f"{SECTION}*.nc")):
         table = folder.table(path.stem)
         assert table is not None
         units = {str(name): table[name].attrs.get("units", "1") for name in table.data_vars}
         values = {name: table[name].values for name in units}
-        found[path.stem.removeprefix(SECTION)] = Crossings(table["time"].values, values, units)
-    return found
+        sections[path.stem.removeprefix(SECTION)] = Crossings(table["time"].values, values, units)
+    return sections

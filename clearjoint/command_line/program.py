@@ -1,14 +1,11 @@
 """The program `clearjoint` and its commands.
 
-By click: one small package of no dependencies, whose help, messages and exit codes are what people
-know from other programs. Commands import what they compute with when they run, so that help comes
-without.
+Commands import the modules that compute when they run, so that help is fast.
 """
 
 from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec
+from typing import TYPE_CHECKING
 
 import click
 
@@ -18,38 +15,25 @@ from .endings import CommandResult, end, shows_progress, understandable
 if TYPE_CHECKING:
     from .study import Study
 
-Options = ParamSpec("Options")
 WIDTH = 88
 EXITS = """
-Exit codes: 0 all went well; 1 a run, a sweep or a fit failed (what was reached is kept); 2 the
-input is wrong; 130 it was interrupted by Ctrl-C (what was computed is kept).
+Exit codes: 0 success; 1 a run, a sweep or a fit failed (results so far are written); 2 the input
+is wrong; 130 interrupted by Ctrl-C (results so far are written).
 """
 
 
-def examples(*lines: str) -> str:
-    """Examples for the help, as they are typed."""
-    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
+    """Make a function a command of the program that prints errors as sentences.
 
+    **Arguments:** `examples`: command lines for the help.
+    """
+    lines = "\n".join(f"  {example}" for example in examples)
 
-def command(name: str, *lines: str) -> Callable[[Callable], click.Command]:
-    """A command of the program, with examples in its help."""
+    def decorate(function: Callable) -> click.Command:
+        text = f"{function.__doc__}\n\n\b\nExamples:\n{lines}"
+        return clearjoint.command(name, help=text)(understandable()(function))
 
-    def made(function: Callable) -> click.Command:
-        text = f"{function.__doc__}\n\n{examples(*lines)}"
-        return clearjoint.command(name, help=text)(_guarded(function))
-
-    return made
-
-
-def _guarded(function: Callable[Options, None]) -> Callable[Options, None]:
-    """The function, whose errors are told as sentences."""
-
-    @wraps(function)
-    def call(*arguments: Options.args, **options: Options.kwargs) -> None:
-        with understandable():
-            function(*arguments, **options)
-
-    return call
+    return decorate
 
 
 @click.group(
@@ -60,8 +44,8 @@ def _guarded(function: Callable[Options, None]) -> Callable[Options, None]:
 def clearjoint() -> None:
     """Simulate mechanisms whose joints have clearance, from scene files and study files.
 
-    A scene file (TOML or JSON) holds bodies, joints and forces; a study file names one and says
-    what to run, sweep and fit. `clearjoint new four_bar` writes both, with comments.
+    A scene file (TOML or JSON) contains bodies, joints and forces. A study file names a scene file
+    and defines a run, a sweep and a fit. `clearjoint new four_bar` writes both, with comments.
 
     \b
     Examples:
@@ -79,60 +63,60 @@ SET = click.option(
     "--set",
     "changes",
     multiple=True,
-    metavar="PLACE=VALUE",
+    metavar="PATH=VALUE",
     help="Change a number or table of the file: joints.pin.clearance=0.2mm. Repeatable.",
 )
 OUT = click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the results; results/<name of the file>/<command> unless given.",
+    help="Folder of the results; by default results/<name of the file>/<command>.",
 )
 END = click.option("--end", metavar="SECONDS", help="End of the run, such as 2 or 500ms.")
 PRESET = click.option(
-    "--preset", help="Named settings: look, default, study, reference (clearjoint.presets)."
+    "--preset", help="Named settings: preview, default, accurate, reference (clearjoint.presets)."
 )
 
 
 @command(
     "check",
     "clearjoint check four_bar.toml",
-    "clearjoint check study.toml --places",
+    "clearjoint check study.toml --paths",
     "clearjoint check sketch.toml --assemble four_bar.toml",
 )
 @FILE
 @SET
-@click.option("--places", is_flag=True, help="List every number that can be set, swept or fitted.")
+@click.option("--paths", is_flag=True, help="List every number that can be set, swept or fitted.")
 @click.option(
     "--assemble",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the scene with a state that satisfies its joints to this file.",
+    help="Write the scene with an assembled state, which satisfies its joints, to this file.",
 )
-def check(file: Path, changes: tuple[str, ...], places: bool, assemble: Path | None) -> None:
-    """Look at a file without running it.
+def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | None) -> None:
+    """Check a file without running it.
 
-    Tells bodies, joints, degrees of freedom, constraint errors, contacts and unusual numbers, and
-    whether the scene can run; of a study file, also what it would run, sweep and fit.
+    Prints bodies, joints, degrees of freedom, constraint errors, contacts, warnings of unusual
+    numbers, and whether the scene can run; for a study file, also its run, sweep and fit.
     """
     study = _study(file, changes)
     from . import checking
 
-    if places:
-        click.echo("\n".join(checking.places(study)))
+    if paths:
+        click.echo("\n".join(checking.number_paths(study)))
         return
     if assemble is not None:
         checking.save_assembled(study, assemble)
         click.echo(f"wrote {assemble}")
         return
-    found = checking.checked(study)
-    click.echo("\n".join(found.lines))
-    if found.refusal is not None:
-        raise ValueError(found.refusal)
+    checked = checking.checked(study)
+    click.echo("\n".join(checked.lines))
+    if checked.refusal is not None:
+        raise ValueError(checked.refusal)
 
 
 @command(
     "run",
     "clearjoint run four_bar.toml --end 2",
-    "clearjoint run four_bar.toml --end 500ms --save-every 0.1ms --preset study",
+    "clearjoint run four_bar.toml --end 500ms --save-every 0.1ms --preset accurate",
     "clearjoint run study.toml --set joints.pin.clearance=0.2mm --out results/wide",
 )
 @FILE
@@ -151,9 +135,9 @@ def run(
 ) -> None:
     """Simulate a scene and write tables, figures and a page.
 
-    The folder holds netCDF and CSV files (motion, what is observed of contacts, joints and
-    energies, impacts, outputs and sections of the study), figures, index.html with all of it, and
-    reached.toml, from which a run can be continued.
+    The folder contains netCDF and CSV files (motion; forces of contacts and joints, and energies;
+    impacts; outputs and sections of the study), figures, index.html with all of it, and
+    reached.toml, the scene with the final state, to continue the run.
     """
     options = {"end": end, "save_every": save_every, "preset": preset}
     given = [f"run.{name}={value}" for name, value in options.items() if value is not None]
@@ -161,7 +145,7 @@ def run(
     from .running import run as run_study
 
     folder = _folder(file, out, "run")
-    _ended(run_study(study, folder, shows_progress()), folder)
+    _finish(run_study(study, folder, shows_progress()), folder)
 
 
 @command(
@@ -179,8 +163,8 @@ def sweep(
 ) -> None:
     """Simulate a scene for many values of its numbers.
 
-    The study's [sweep] says which. The folder holds sweep.zarr, which the same command completes
-    where it was stopped, sweep.csv with a row for each lane, figures and index.html.
+    The study's [sweep] defines them. The folder contains sweep.zarr, sweep.csv with a row for each
+    lane, figures and index.html. The same command continues an interrupted sweep.
     """
     options = {"end": end, "preset": preset}
     given = [f"sweep.{name}={value}" for name, value in options.items() if value is not None]
@@ -188,7 +172,7 @@ def sweep(
     from .sweeping import sweep as sweep_study
 
     folder = _folder(file, out, "sweep")
-    _ended(sweep_study(study, folder, shows_progress()), folder)
+    _finish(sweep_study(study, folder, shows_progress()), folder)
 
 
 @command("fit", "clearjoint fit study.toml", "clearjoint fit study.toml --out results/second")
@@ -198,7 +182,7 @@ def sweep(
 def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     """Estimate numbers of a scene from measurements.
 
-    The study's [fit] names the CSV file, its columns and the parameters. The folder holds
+    The study's [fit] names the CSV file, its columns and the parameters. The folder contains
     report.txt, estimates.csv with errors and correlations, the fitted series, figures, index.html,
     and fitted.toml, the scene with the estimates.
     """
@@ -206,13 +190,13 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     from .fitting import fit as fit_study
 
     folder = _folder(file, out, "fit")
-    _ended(fit_study(study, folder), folder)
+    _finish(fit_study(study, folder), folder)
 
 
 @command("report", "clearjoint report results/four_bar/run")
 @click.argument("folder", type=click.Path(path_type=Path))
 def report(folder: Path) -> None:
-    """Draw the figures of a folder of results anew and write its page."""
+    """Draw the figures of a folder of results again and write its page."""
     _prepare()
     from .folders import PAGE, Folder
     from .reports import write_report
@@ -228,19 +212,20 @@ def report(folder: Path) -> None:
     "clearjoint schema study --example",
 )
 @click.argument("kind", type=click.Choice(["scene", "study"]), default="scene")
-@click.option("--example", is_flag=True, help="Print a whole file with comments instead.")
+@click.option("--example", is_flag=True, help="Print an example file with comments instead.")
 def schema(kind: str, example: bool) -> None:
-    """Print the JSON Schema of scene files, or of study files, for editors that complete."""
+    """Print the JSON Schema of scene or study files, with which editors complete and check."""
     import json
 
+    from ..scene_files.schema import scene_schema
     from .examples import example_texts
-    from .schemas import schema_of
+    from .study_parts import study_schema
 
     if example:
         texts = example_texts("four_bar", "four_bar.toml", "four_bar_study.toml")
         click.echo(texts[kind == "study"], nl=False)
     else:
-        click.echo(json.dumps(schema_of(kind), indent=2))
+        click.echo(json.dumps(scene_schema() if kind == "scene" else study_schema(), indent=2))
 
 
 @command("new", "clearjoint new four_bar", "clearjoint new slider_crank --out press")
@@ -249,10 +234,10 @@ def schema(kind: str, example: bool) -> None:
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     default=".",
-    help="Folder of the files; the present one unless given.",
+    help="Folder of the files; by default the current one.",
 )
 def new(mechanism: str, out: Path) -> None:
-    """Write a scene and a study with comments, to begin with.
+    """Write an example scene and study with comments.
 
     MECHANISM is double_pendulum, four_bar or slider_crank.
     """
@@ -273,7 +258,7 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Set what speed and accuracy need, unless it is set already."""
+    """Configure JAX, unless it is configured already."""
     import jax
 
     if not jax.config.jax_enable_x64:  # pyright: ignore
@@ -291,10 +276,10 @@ def _folder(file: Path, out: Path | None, command: str) -> Path:
     return Path("results") / file.stem / command if out is None else out
 
 
-def _ended(ending: CommandResult, folder: Path) -> None:
-    """Print the result in a line that ends with the path of the page, and end with the code."""
+def _finish(result: CommandResult, folder: Path) -> None:
+    """Print the result in a line that ends with the path of the page, and exit with its code."""
     from .folders import PAGE
 
     page = folder / PAGE
-    click.echo(f"{ending.line}: {page if page.exists() else 'nothing was written'}")
-    end(ending.code)
+    click.echo(f"{result.line}: {page if page.exists() else 'nothing was written'}")
+    end(result.code)

@@ -1,21 +1,24 @@
-"""`clearjoint report`: figures and the page of a folder of results."""
+"""`clearjoint report`: draw the figures and write the page of a folder of results."""
 
+import base64
 import re
-from collections.abc import Mapping
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 import pandas as pd
 
-from ..datasets.frames import to_frame
+from ..export.tabular import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
-from ..simulation.impact_table import Impacts
-from ..simulation.observe import observe
-from ..simulation.solution import Solution
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import observe
+from ..simulation.results.solution import Solution
 from ..sweeps.store.store import open_sweep
 from ..views.viewing import view
-from . import figures, pages
+from . import figures
 from .endings import say
 from .folders import MOTION, NUMBERS, PAGE, STORE, Folder, scene_and_solution
 
@@ -23,13 +26,27 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROWS = 20
-"""Rows of a table that the page shows."""
+"""Rows of a table that the page shows at most."""
 TABLE = "sweep.csv"
 VIEW = "view.html"
+SCREEN = 0.55
+"""Width of a picture on the page as a fraction of its width in pixels."""
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
+  color: #1a1a1a; background: #fff; }
+table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: block;
+  overflow-x: auto; }
+th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right;
+  overflow-wrap: anywhere; }
+th { text-align: left; } td.text { text-align: left; }
+figure { display: inline-block; margin: .5rem; vertical-align: top; }
+figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
+pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
+"""
 
 
 def write_report(folder: Folder) -> None:
-    """Draw the figures of a folder anew and write its page."""
+    """Draw the figures of a folder of results again and write its page."""
     kind = folder.summary()["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -40,7 +57,7 @@ def write_report(folder: Folder) -> None:
 
 
 def write_run_report(folder: Folder) -> None:
-    """Figures, page, and the 3D view where there is one, of a run."""
+    """Draw the figures of a run, and write its page and, if possible, its 3D view."""
     parts = []
     if folder.table(MOTION) is not None:
         scene, solution = scene_and_solution(folder)
@@ -50,66 +67,96 @@ def write_run_report(folder: Folder) -> None:
             parts.append(_hardest_impacts(solution.impacts))
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")
-        parts.insert(0, pages.table("Outputs", numbers, len(numbers)))
+        parts.insert(0, _table("Outputs", numbers, len(numbers)))
     write_page(folder, *parts)
 
 
 def write_sweep_report(folder: Folder, dataset: "xr.Dataset") -> None:
-    """Figures, the table of all lanes as CSV, and the page of a sweep."""
+    """Draw the figures of a sweep, and write the CSV table of all lanes and the page."""
     frame = lane_table(dataset)
     frame.to_csv(folder / TABLE, index=False)
     figures.draw_sweep(folder, dataset)
-    write_page(folder, pages.table("Lanes", frame, ROWS))
+    write_page(folder, _table("Lanes", frame, ROWS))
 
 
 def write_fit_report(folder: Folder, found: Fit) -> None:
-    """Figures, report text and page of a fit."""
+    """Draw the figures of a fit and write its page."""
     figures.draw_fit(folder, found)
     write_page(folder)
 
 
 def write_page(folder: Folder, *parts: str) -> None:
-    """Write the page of a folder: summary, texts, figures, parts of its own, and the files."""
-    summary: Mapping[str, object] = folder.summary()
-    texts = [pages.text("Report", path.read_text("utf-8")) for path in folder.path.glob("*.txt")]
-    pictures = [pages.picture(path) for path in folder.pictures()]
-    beside = sorted(path.name for path in folder.path.iterdir() if path.is_file())
-    files = pages.links("Files", [name for name in beside if name != PAGE])
-    facts = {key: value for key, value in summary.items() if key != "title" and value != "None"}
-    facts = {key: _without_nothing(value) for key, value in facts.items()}
-    content = [pages.facts(facts), *texts, *pictures, *parts, files]
-    (folder / PAGE).write_text(pages.page(str(summary["title"]), content), encoding="utf-8")
+    """Write the HTML page of a folder: summary, texts, figures, the given parts, and links to the
+    files. The page contains its figures and loads nothing from the network."""
+    summary = folder.summary()
+    title = escape(str(summary.pop("title")))
+    rows = [
+        f'<tr><th>{escape(key.replace("_", " "))}</th><td class="text">{escape(text)}</td></tr>'
+        for key, text in ((key, _without_none(str(value))) for key, value in summary.items())
+        if text != "None"
+    ]
+    texts = [
+        f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
+        for path in folder.path.glob("*.txt")
+    ]
+    names = sorted(path.name for path in folder.path.iterdir() if path.is_file())
+    links = [f'<li><a href="{quote(n)}">{escape(n)}</a></li>' for n in names if n != PAGE]
+    content = [
+        f"<h1>{title}</h1><table>{''.join(rows)}</table>",
+        *texts,
+        *map(_picture, folder.pictures()),
+        *parts,
+        f"<h2>Files</h2><ul>{''.join(links)}</ul>",
+    ]
+    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    body = "\n".join(content)
+    html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+    (folder / PAGE).write_text(html, encoding="utf-8")
 
 
-def _without_nothing(value: object) -> object:
+def _without_none(text: str) -> str:
     """A setting's text without the options of a class that are not set: "Tsit5(scan_kind=None)"."""
-    return re.sub(r"\((\w+=None(, )?)+\)", "", value) if isinstance(value, str) else value
+    return re.sub(r"\((\w+=None(, )?)+\)", "", text)
+
+
+def _picture(path: Path) -> str:
+    """HTML of a figure, which contains the picture, with its name as caption."""
+    content = path.read_bytes()  # bytes 16 to 20 of a PNG are its width
+    data = base64.b64encode(content).decode("ascii")
+    name = escape(path.stem.replace("_", " "))
+    width = round(int.from_bytes(content[16:20], "big") * SCREEN)
+    image = f'<img alt="{name}" width="{width}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
+
+
+def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
+    """HTML of the first rows of a data frame with a heading."""
+    shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
+    more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
+    return f"<h2>{escape(title)}</h2>{shown}{more}"
 
 
 def _hardest_impacts(impacts: Impacts) -> str:
-    """The table of the hardest impacts, in the units in which pictures show them."""
-    import pandas as pd
-
+    """HTML table of the hardest impacts, in the units of the figures."""
     rows = impact_rows(impacts, len(impacts))
     frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
-    return pages.table("Hardest impacts", frame, ROWS)
+    return _table("Hardest impacts", frame, ROWS)
 
 
-def lane_table(dataset: "xr.Dataset") -> "pd.DataFrame":
-    """A row for each lane of a sweep: its values of the axes and all single numbers of it."""
+def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
+    """Return a row for each lane of a sweep: the values of its axes, and its single numbers."""
     dims = dataset["result"].dims
-    names = [name for name in dataset.data_vars if dataset[name].dims == dims]
-    whole = dataset[names]
+    table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     if dims != ("lane",):
-        whole = whole.stack(lane=dims, create_index=False)
-        labels = {dim: ("lane", whole[dim].values, dataset[dim].attrs) for dim in dims}
-        whole = whole.drop_vars(dims).assign_coords(labels)
-    return to_frame(whole, "lane")
+        table = table.stack(lane=dims, create_index=False)
+        labels = {dim: ("lane", table[dim].values, dataset[dim].attrs) for dim in dims}
+        table = table.drop_vars(dims).assign_coords(labels)
+    return to_frame(table, "lane")
 
 
 def _write_view(folder: Folder, scene: Scene, solution: Solution) -> None:
-    """The page with the moving mechanism; a note where the extra for it is not installed."""
+    """Write the page with the 3D animation, or a note if the extra for it is not installed."""
     try:
         view(scene, solution).save(folder / VIEW)
     except ImportError as error:
-        say(f"note: {VIEW} is left out. {error}")
+        say(f"note: {VIEW} is not written. {error}")

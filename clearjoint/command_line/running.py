@@ -1,4 +1,4 @@
-"""`clearjoint run`: one run of a scene, and its results in a folder."""
+"""`clearjoint run`: simulate a scene and write the results to a folder."""
 
 import time
 from collections.abc import Mapping
@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import numpy as np
 
-from ..datasets.labelled import Labelled, labelled_dataset
+from ..export.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
 from ..math.vectors import Scalar
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
 from ..quantities.instant import Instant
-from ..results import RESULTS
-from ..simulation.batch.reductions import AbstractReduction, Peak
-from ..simulation.dense_output import require_dense
-from ..simulation.interruptions import RunInterrupted
-from ..simulation.method import Scheme
-from ..simulation.observe import Observation, observe
-from ..simulation.quantity_values import values_along
-from ..simulation.saving import Saving
-from ..simulation.settings import Settings
-from ..simulation.simulate import simulate
-from ..simulation.solution import Solution
-from ..simulation.state_tables import contact_label
+from ..result_codes import RESULTS
+from ..simulation.reductions.reductions import AbstractReduction, Peak
+from ..simulation.results.observe import Observation, observe
+from ..simulation.results.quantity_values import values_along
+from ..simulation.results.solution import Solution
+from ..simulation.results.state_tables import contact_label
+from ..simulation.run.interruptions import RunInterrupted
+from ..simulation.run.saving import Saving
+from ..simulation.run.simulate import simulate
+from ..simulation.step.dense_output import require_dense
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder
+from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder, Summary
 from .reports import write_run_report
 from .study import Study
 from .study_parts import RunPart
@@ -36,32 +36,32 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FRAMES = 1000
-"""States that are saved of a run, unless told how often."""
+"""Number of saved intervals of a run by default."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
-"""Units of quantities that an impact changes within less than the time between saved states."""
+"""Units of quantities that an impact changes faster than states are saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Of the reductions that find an output's extremes, behind its name."""
+"""Suffixes, after an output's name, of the reductions that find its extremes."""
 MISSED = 0.02
-"""Share of an output's range that samples may miss before a note says so."""
+"""Fraction of an output's range that samples may miss without a note."""
 
 
 class Negative(AbstractQuantity):
-    """A quantity with the other sign, of which the peak is the smallest value."""
+    """The negative of a quantity: its peak is the negative of the smallest value."""
 
     quantity: AbstractQuantity = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The value with the other sign."""
+        """Return the negative value."""
         return -self.quantity(now)
 
     def check(self, scene: Scene) -> None:
-        """As the quantity does."""
+        """Check that the scene has the elements of the quantity."""
         self.quantity.check(scene)
 
 
 def run(study: Study, out: Path, progress: bool) -> CommandResult:
-    """Run a study's scene and write what was computed."""
-    begun, part = time.perf_counter(), study.parts.run
+    """Run a study's scene and write tables, figures and a page."""
+    start, part = time.perf_counter(), study.parts.run
     reductions = reductions_of(part, study.settings(part, "run"))
     code, solution = _solution(study, part, reductions, progress)
     folder = Folder.made(out)
@@ -69,38 +69,42 @@ def run(study: Study, out: Path, progress: bool) -> CommandResult:
     if solution.saved is not None and len(solution.saved):
         largest = write_results(study, solution, reductions, folder)
     folder.write_scene(study.scene, solution.final, REACHED)
-    summary = _summary(study, solution, code, largest, time.perf_counter() - begun)
-    folder.write_summary(summary)
+    folder.write_summary("run", study, _summary(study, solution, code, largest), start)
     write_run_report(folder)
-    _tell(solution, folder, code)
+    reached = f"t = {float(solution.time):.6g} s"
+    if code == FAILED:
+        say(f"error: the run ended at {reached}: {RESULTS[solution.result]}")
+    if code == INTERRUPTED:
+        say(f"interrupted at {reached}")
+    if code != WELL:
+        say(f"the results so far are in {folder.path}; {REACHED} has the state to continue from")
     force = f", largest force {largest[0]:.4g} N ({largest[1]})" if largest[1] else ""
-    hits = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
-    reached = f"{int(solution.accepted)} steps to t = {float(solution.time):.6g} s"
-    return CommandResult(code, f"{reached}{hits}{force}")
+    count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
+    return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{force}")
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """What is reduced of a run: the reductions among its outputs, and the extremes of those outputs
-    that impacts change faster than states are saved."""
-    found: dict[str, AbstractReduction] = {}
+    """The reductions of a run: those among its outputs, and the extremes of outputs that change
+    during impacts faster than states are saved."""
+    chosen: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractReduction):
-            found[name] = output
+            chosen[name] = output
         elif output.unit in SHARP:
-            found[name + LARGEST] = Peak(output, output.unit)
-            found[name + SMALLEST] = Peak(Negative(output), output.unit)
+            chosen[name + LARGEST] = Peak(output, output.unit)
+            chosen[name + SMALLEST] = Peak(Negative(output), output.unit)
     try:
-        if found:
+        if chosen:
             require_dense(Scheme.of(settings, redundant=False).method.solver)
     except ValueError:
-        own = {name: one for name, one in found.items() if name in part.outputs}
-        if len(own) < len(found):
+        requested = {name: one for name, one in chosen.items() if name in part.outputs}
+        if len(requested) < len(chosen):
             say(
-                "warning: the solver has no values inside its steps: extremes of outputs between "
-                "saved states are not known; take an explicit solver, or save more often"
+                "warning: the solver has no dense output: extremes of outputs between saved states "
+                "are unknown; choose an explicit solver, or save more often"
             )
-        return own
-    return found
+        return requested
+    return chosen
 
 
 def _solution(
@@ -129,7 +133,7 @@ def _solution(
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """The times at which a run's states are saved, s."""
+    """Times at which a run's states are saved, s."""
     every = part.save_every
     if every is None:
         return np.linspace(part.start, end, FRAMES + 1)
@@ -147,8 +151,10 @@ def write_results(
     reductions: Mapping[str, AbstractReduction],
     folder: Folder,
 ) -> tuple[float, str]:
-    """Write the tables of a run: motion, observation, impacts, sections and outputs; the largest
-    normal force of a contact, N, and the contact."""
+    """Write the tables of a run: motion, observation, impacts, sections and outputs.
+
+    **Returns:** the largest normal force of a contact, N, and the contact.
+    """
     folder.write_scene(study.scene, study.state)
     folder.write_table(MOTION, solution.to_xarray())
     observed = observe(study.scene, solution)
@@ -157,7 +163,7 @@ def write_results(
         folder.write_table(IMPACTS, solution.impacts.to_xarray())
     for name, crossings in solution.sections.items():
         folder.write_table(f"{SECTION}{name}", crossings.to_xarray())
-    if any(isinstance(one, AbstractQuantity) for one in study.parts.run.outputs.values()):
+    if any(isinstance(output, AbstractQuantity) for output in study.parts.run.outputs.values()):
         folder.write_table(OUTPUTS, _outputs(study, solution))
     if reductions:
         _write_numbers(solution, reductions, folder)
@@ -165,91 +171,86 @@ def write_results(
 
 
 def _outputs(study: Study, solution: Solution) -> "xr.Dataset":
-    """The quantities that the study asks for, along the saved states; with their extremes, where
-    those are known, as attributes."""
+    """The quantities among the outputs at the saved states; attributes are the known extremes."""
     saved, rows = solution.saved, ("time",)
     assert saved is not None
     variables = {}
-    for name, one in study.parts.run.outputs.items():
-        if not isinstance(one, AbstractQuantity):
+    for name, quantity in study.parts.run.outputs.items():
+        if not isinstance(quantity, AbstractQuantity):
             continue
-        values, attributes = values_along(study.scene, solution, one, saved), {}
+        values, attributes = values_along(study.scene, solution, quantity, saved), {}
         if name + LARGEST in solution.outputs:
             attributes = _extremes(name, solution)
-            _tell_of_missed(name, values, attributes, one.unit)
-        variables[name] = Labelled(rows, values, one.unit, type(one).__name__, attributes)
+            _note_missed_extremes(name, values, attributes, quantity.unit)
+        title = type(quantity).__name__
+        variables[name] = Labelled(rows, values, quantity.unit, title, attributes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
 
 
 def _extremes(name: str, solution: Solution) -> dict[str, float]:
     """The largest and the smallest value of an output, and their times, s."""
-    found = solution.outputs
+    outputs = solution.outputs
     return {
-        "largest": found[name + LARGEST],
-        "largest_time": found[f"{name}{LARGEST}_time"],
-        "smallest": -found[name + SMALLEST],
-        "smallest_time": found[f"{name}{SMALLEST}_time"],
+        "largest": outputs[name + LARGEST],
+        "largest_time": outputs[f"{name}{LARGEST}_time"],
+        "smallest": -outputs[name + SMALLEST],
+        "smallest_time": outputs[f"{name}{SMALLEST}_time"],
     }
 
 
-def _tell_of_missed(
+def _note_missed_extremes(
     name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
 ) -> None:
-    """Tell of an output whose extremes are not among its samples."""
+    """Print a note if the saved samples of an output miss its extremes."""
     largest, smallest = extremes["largest"], extremes["smallest"]
     missed = max(largest - values.max(), values.min() - smallest)
     if missed > MISSED * (largest - smallest):
         say(
             f"note: the saved samples of {name} are between {values.min():.4g} and "
             f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
-            f"{NUMBERS} has these extremes; save_every saves more samples"
+            f"{NUMBERS} has these extremes; a smaller save_every gives more samples"
         )
 
 
 def _write_numbers(
     solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Folder
 ) -> None:
-    """Write what is one number of a run, with its unit."""
+    """Write the outputs that are one number of the run, with their units."""
     import pandas as pd
 
     rows = []
     for name, reduction in reductions.items():
         sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
-            full = f"{name}_{part}" if part else name
-            value = solution.outputs[full]
-            rows.append((full, value if part else sign * value, unit))
+            output = f"{name}_{part}" if part else name
+            value = solution.outputs[output]
+            rows.append((output, value if part else sign * value, unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
     frame.to_csv(folder / NUMBERS, index=False)
 
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
-    """The largest normal force, N, of the finished impacts and the saved states, and of which
-    contact; no name if there is none."""
-    found = [
-        (float(one.normal_force.max()), contact_label(joint, contact))
+    """The largest normal force, N, of the finished impacts and the saved states, and the label of
+    the contact; an empty label without contacts."""
+    forces = [
+        (float(values.normal_force.max()), contact_label(joint, contact))
         for joint, family in observed.contacts.items()
-        for contact, one in family.items()
+        for contact, values in family.items()
     ]
     if solution.impacts is not None and len(solution.impacts):
         hardest = int(np.argmax(solution.impacts.peak_force))
         names = solution.impacts.joint[hardest], solution.impacts.contact[hardest]
-        found.append((float(solution.impacts.peak_force[hardest]), contact_label(*names)))
-    return max(found, default=(0.0, ""))
+        forces.append((float(solution.impacts.peak_force[hardest]), contact_label(*names)))
+    return max(forces, default=(0.0, ""))
 
 
-def _summary(
-    study: Study, solution: Solution, code: int, largest: tuple[float, str], seconds: float
-) -> dict[str, str | int | float]:
+def _summary(study: Study, solution: Solution, code: int, largest: tuple[float, str]) -> Summary:
     ending = "interrupted" if code == INTERRUPTED else RESULTS[solution.result]
     impacts = {} if solution.impacts is None else {"impacts": len(solution.impacts)}
     if largest[1]:
         impacts |= {"largest_force_N": largest[0], "largest_force_of": largest[1]}
     return {
-        "kind": "run",
-        "title": study.title,
-        "file": str(study.path),
         "ended": ending,
         "start_time_s": study.parts.run.start,
         "time_reached_s": float(solution.time),
@@ -257,15 +258,4 @@ def _summary(
         "steps_tried": int(solution.attempts),
         **impacts,
         **dict(solution.settings),
-        "seconds": round(seconds, 2),
     }
-
-
-def _tell(solution: Solution, folder: Folder, code: int) -> None:
-    reached = f"t = {float(solution.time):.6g} s"
-    if code == FAILED:
-        say(f"error: the run ended at {reached}: {RESULTS[solution.result]}")
-    if code == INTERRUPTED:
-        say(f"interrupted at {reached}")
-    if code != WELL:
-        say(f"what was computed is in {folder.path}; {REACHED} can be continued from")

@@ -1,20 +1,29 @@
-"""What a study file holds beside its scene."""
+"""Sections of a study file, the classes that it may name, and its JSON Schema."""
 
+import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Annotated, Any
 
+import diffrax
+
+from .. import quantities
+from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..dynamics.stabilisation import Baumgarte, Projection, Unstabilised
 from ..fields.checks import require, require_count
 from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
-from ..parametrisation.scales import AbstractScale, Linear
+from ..parametrisation.scales import AbstractScale, Bounded, Linear, Log
 from ..quantities.base import AbstractQuantity
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.settings import Settings
+from ..scene_files.schema import Catalogue, Schema, scene_properties
+from ..simulation.reductions import reductions, wear
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
 SPACINGS = "linear", "geometric"
-WRITTEN = int | float | str
 
 
 @dataclass(frozen=True)
@@ -32,14 +41,14 @@ class SectionPart:
 
 @dataclass(frozen=True)
 class RunPart:
-    """How a scene is run, and what of it is kept.
+    """Settings and outputs of a run.
 
-    - `start`, `end`: s. `save_every`: s between two saved states; a thousandth of the duration
-      unless given.
-    - `preset`: a name in `clearjoint.presets`; `settings`: what differs from it.
-    - `outputs`: quantities along the saved states, of which those of forces and accelerations come
-      with their extremes between saved states; and reductions such as `Peak`, one number for a run.
-      `sections`: Poincaré sections.
+    - `start`, `end`: s.
+    - `save_every`: s between two saved states; a thousandth of the duration unless given.
+    - `preset`: a name in `clearjoint.presets`; `settings`: changes of the preset.
+    - `outputs`: quantities along the saved states, for forces and accelerations with their extremes
+      between saved states; and reductions such as `Peak`, one number of the run.
+    - `sections`: Poincaré sections.
     """
 
     end: Annotated[float | None, "s"] = None
@@ -53,13 +62,13 @@ class RunPart:
 
 @dataclass(frozen=True)
 class AxisPart:
-    """The values of a number of the scene: all of them, or `count` of them from `start` to `stop`.
+    """The values of a number of the scene: a list, or `count` values from `start` to `stop`.
 
-    `place`: such as "joints.pin.clearance"; several, in a list, get the same value. Values are in
-    SI units, or texts with a unit.
+    `path`: such as "joints.pin.clearance"; several, in a list, get the same value. Values are in SI
+    units, or texts with a unit.
     """
 
-    place: str | Sequence[str]
+    path: str | Sequence[str]
     values: Any = None
     start: Any = None
     stop: Any = None
@@ -71,23 +80,24 @@ class AxisPart:
         remedy = "write one of these"
         known = self.spacing in SPACINGS
         require(known, "spacing", self.spacing, f"one of {SPACINGS}", remedy)
-        ends = self.start is not None and self.stop is not None
-        either = (self.values is None) == ends
-        found = {"values": self.values, "start": self.start, "stop": self.stop}
-        require(either, "values", found, "either `values`, or `start` and `stop`", "give one")
+        has_ends = self.start is not None and self.stop is not None
+        given = {"values": self.values, "start": self.start, "stop": self.stop}
+        expected = "either `values`, or `start` and `stop`"
+        require((self.values is None) == has_ends, "values", given, expected, "give one")
         if self.values is not None:
-            row = isinstance(self.values, tuple | list) and len(self.values) > 0
-            require(row, "values", self.values, "a list of values", "write [0.1, 0.2], say")
+            is_row = isinstance(self.values, tuple | list) and len(self.values) > 0
+            require(is_row, "values", self.values, "a list of values", "write [0.1, 0.2], say")
 
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The axes of a sweep, and what is kept of each lane.
+    """The axes of a sweep, and the outputs of each lane.
 
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The `sections` of the run are kept
-      too.
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The `sections` of the run are
+      stored too.
     - `end`, `preset`, `settings`: those of the run unless given.
-    - `zipped`: whether lanes take the axes' values side by side. `chunk`: lanes stored at once.
+    - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
+    - `chunk`: lanes that are stored together.
     """
 
     axes: Mapping[str, AxisPart]
@@ -101,8 +111,8 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """What a column of the measurements holds: `noise` is one standard deviation, a number in the
-    column's unit or a text with its own."""
+    """The quantity in a column of the measurements. `noise`: one standard deviation, a number in
+    the column's unit or a text with another unit."""
 
     quantity: AbstractQuantity
     noise: Any
@@ -111,23 +121,21 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene that is estimated, on which scale, and a first guess, that of the scene
-    unless given."""
+    """A number of the scene to estimate, its scale, and a first guess, by default the scene's."""
 
-    place: str | Sequence[str]
+    path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
     guess: Any = None
 
 
 @dataclass(frozen=True)
 class FitPart:
-    """Parameters that are estimated from measurements.
+    """Parameters to estimate from measurements.
 
-    - `measurements`: a CSV file, whose path is relative to the study's. `time`: its column of
-      times, in `time_unit` where the header tells none.
-    - `columns`: what is fitted, by the columns' names; `missing`: "drop" leaves out samples without
-      a number.
-    - `grow`, `max_iterations`, `starts`: as of `clearjoint.identify`.
+    - `measurements`: a CSV file, relative to the study's folder. `time`: its column of times, in
+      `time_unit` unless the header has a unit.
+    - `columns`: quantities by column names; `missing`: "drop" ignores samples without a number.
+    - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
     """
 
     measurements: str
@@ -153,3 +161,33 @@ class StudyParts:
     run: RunPart = field(default_factory=RunPart)
     sweep: SweepPart | None = None
     fit: FitPart | None = None
+
+
+def _concrete(module: ModuleType, family: type) -> list[type]:
+    classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
+    return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
+
+
+CLASSES: tuple[type, ...] = (
+    *_concrete(quantities, quantities.AbstractQuantity),
+    *_concrete(reductions, AbstractReduction),
+    *_concrete(wear, AbstractReduction),
+    *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
+    *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
+    *(Linear, Log, Bounded, Starts, Screening, ImpactTable),
+)
+"""Classes that study files may name: quantities, reductions, methods, solvers, scales, starts."""
+TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
+
+
+def study_schema() -> Schema:
+    """The JSON Schema (2020-12) of study files, which contain a scene or name its file."""
+    catalogue = Catalogue((*CLASSES, *TABLES))
+    scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
+    properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
+    properties |= catalogue.properties(StudyParts)
+    for definition in catalogue.definitions.values():
+        # The unit of a reduction may be omitted: it is that of its quantity.
+        if isinstance(definition, dict) and "quantity" in definition.get("properties", {}):
+            definition["required"] = [one for one in definition["required"] if one != "unit"]
+    return catalogue.document("study", properties, ["scene"])

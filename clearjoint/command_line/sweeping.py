@@ -1,4 +1,4 @@
-"""`clearjoint sweep`: a scene for many values, in a store that goes on where it was stopped."""
+"""`clearjoint sweep`: run a scene for many values; an interrupted sweep can be continued."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -10,15 +10,15 @@ import numpy as np
 
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
-from ..results import result_numbers
-from ..scene_files.complaints import FilePlace
-from ..simulation.saving import Saving
+from ..result_codes import result_numbers
+from ..scene_files.locations import FileLocation
+from ..simulation.run.saving import Saving
 from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output, check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import STORE, Folder
+from .folders import STORE, Folder, Summary
 from .reports import write_sweep_report
 from .study import Study
 from .study_parts import AxisPart, SweepPart
@@ -26,16 +26,17 @@ from .study_parts import AxisPart, SweepPart
 if TYPE_CHECKING:
     import xarray as xr
 
-Reading = Callable[[object, FilePlace], float]
-"""What reads a number at a place."""
+Reading = Callable[[object, FileLocation], float]
+"""Function that converts an entry of a study file, and its location, to a number in SI units."""
 PIECES = 16
-"""Chunks of a store, unless told how long they are: what is lost at most when it is stopped."""
+"""Number of chunks by default; an interruption loses at most one."""
 LONGEST = 256
+"""Lanes of a chunk by default, at most."""
 
 
 @dataclass(frozen=True)
 class SweepArguments:
-    """What a study's sweep takes: `axes`, `outputs`, and lanes in a chunk."""
+    """Arguments of `clearjoint.sweep` with the same names; `chunk`: number of lanes in a chunk."""
 
     axes: dict[str, Axis]
     outputs: Mapping[str, Output]
@@ -44,11 +45,11 @@ class SweepArguments:
 
 
 def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
-    """Run a study's sweep into the store in a folder."""
+    """Run a study's sweep and write its store, tables, figures and page."""
     part = study.parts.sweep
     if part is None:
-        study.place.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
-    arguments, begun = sweep_arguments(study, part), time.perf_counter()
+        study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
+    arguments, start = sweep_arguments(study, part), time.perf_counter()
     end = study.end(part.end)
     settings = study.ledger_for(study.settings(part, "sweep"), part.outputs)
     folder = Folder.made(out)
@@ -73,110 +74,105 @@ def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
         if not (folder / STORE).exists():
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
-    summary = _summary(study, dataset, code, time.perf_counter() - begun)
-    folder.write_summary(summary)
+    summary = _summary(dataset, code)
+    folder.write_summary("sweep", study, summary, start)
     write_sweep_report(folder, dataset.load())
-    code = _told(folder, summary, code)
+    if code == INTERRUPTED:
+        pending = summary["lanes pending"]
+        say(f"interrupted; {pending} lanes are pending: run the same command to continue")
+    elif not summary["lanes successful"]:
+        say(f"error: no lane ran to its end; their result codes are in {folder.path}")
+        code = FAILED
     return CommandResult(code, _line(dataset, summary))
 
 
 def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
-    """Axes, outputs and chunk of a study's sweep.
+    """Return the arguments of `clearjoint.sweep` for a study.
 
-    **Raises:** `ValueError` for places and outputs that the scene does not have.
+    **Arguments:** `study`: the study; `part`: its section [sweep].
+
+    **Raises:** `ValueError` without axes, and for paths and outputs that the scene does not have.
+    The message names the place in the study's file.
     """
-    place = study.place.at("sweep")
-    axes = {name: _axis(study, axis, place.at("axes").at(name)) for name, axis in part.axes.items()}
+    location = study.location.at("sweep")
+    axes = {}
+    for name, axis in part.axes.items():
+        axis_location = location.at("axes", name)
+        # The path may select a number of the scene or of the initial state.
+        found = study.find(axis.path, axis_location.at("path"))
+        new_axis = Axis.initial if found.in_state else Axis
+        axes[name] = new_axis(found.path, _values(axis, found.number, axis_location))
     if not axes:
-        place.at("axes").refuse({}, "one axis at least", "add [sweep.axes.<name>]")
+        location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
+    # Each output is checked alone, so that an error names its place in the file, and then all are
+    # checked together. The ledger counts as kept, because `sweep` adds it for outputs that need it.
     for name, output in part.outputs.items():
-        check_output(name, output, study.scene, place.at("outputs").at(name))
+        check_output(name, output, study.scene, location.at("outputs", name))
     try:
         check_outputs(part.outputs, study.scene, ledger=True)
     except ValueError as error:
-        raise ValueError(f"{place.at('outputs')}: {error}") from error
+        raise ValueError(f"{location.at('outputs')}: {error}") from error
     sizes = [axis.values.size for axis in axes.values()]
+    # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
-    chunk = part.chunk or min(max(-(-lanes // PIECES), 1), LONGEST)
+    lanes_per_piece = -(-lanes // PIECES)  # rounded up
+    chunk = part.chunk or min(max(lanes_per_piece, 1), LONGEST)
     return SweepArguments(axes, part.outputs, Saving(sections=study.sections()), chunk)
 
 
-def check_output(name: str, output: object, scene: Scene, where: FilePlace) -> None:
-    """Check that the scene has what an output names, which may be a quantity too.
+def check_output(name: str, output: object, scene: Scene, location: FileLocation) -> None:
+    """Check that the scene has the elements that a reduction names; quantities are not checked.
 
-    **Raises:** `ValueError` with the place in the file.
+    **Raises:** `ValueError` with the location in the file.
     """
     if isinstance(output, AbstractQuantity):
         return
     try:
         check_outputs({name: output}, scene, ledger=True)  # pyright: ignore
     except ValueError as error:
-        raise ValueError(f"{where}: {error}") from error
+        raise ValueError(f"{location}: {error}") from error
 
 
-def _axis(study: Study, part: AxisPart, where: FilePlace) -> Axis:
-    found = study.find(part.place, where.at("place"))
-    make = Axis.initial if found.in_state else Axis
-    return make(found.place, _values(part, found.number, where))
-
-
-def _values(part: AxisPart, number: Reading, where: FilePlace) -> np.ndarray:
+def _values(part: AxisPart, number: Reading, location: FileLocation) -> np.ndarray:
     if part.values is not None:
-        values = [number(value, where.at("values").at(k)) for k, value in enumerate(part.values)]
+        values = [number(v, location.at("values", k)) for k, v in enumerate(part.values)]
         return np.array(values)
-    start, stop = number(part.start, where.at("start")), number(part.stop, where.at("stop"))
+    start, stop = number(part.start, location.at("start")), number(part.stop, location.at("stop"))
     if part.spacing == "linear":
         return np.linspace(start, stop, part.count)
     if min(start, stop) <= 0.0:
-        where.at("spacing").refuse((start, stop), "positive ends", 'or write spacing = "linear"')
+        location.at("spacing").refuse((start, stop), "positive ends", 'or write spacing = "linear"')
     return np.geomspace(start, stop, part.count)
 
 
-def _summary(
-    study: Study, dataset: "xr.Dataset", code: int, seconds: float
-) -> dict[str, str | int | float]:
+def _summary(dataset: "xr.Dataset", code: int) -> Summary:
     codes = dataset["result"].values
     numbers = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
     failed = {f"lanes {name}": n for name, n in numbers.items() if n and name != "successful"}
     axes = [str(name) for name in dataset["result"].coords]
     values = {f"axis {name}": int(dataset[name].size) for name in axes if name in dataset.coords}
     return {
-        "kind": "sweep",
-        "title": study.title,
-        "file": str(study.path),
         "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
         "lanes": int(codes.size),
         "lanes successful": numbers["successful"],
         "lanes pending": int((codes < 0).sum()),
         **failed,
         **values,
-        "seconds": round(seconds, 2),
     }
 
 
-def _line(dataset: "xr.Dataset", summary: Mapping[str, str | int | float]) -> str:
-    """What came of a sweep, in a line."""
+def _line(dataset: "xr.Dataset", summary: Summary) -> str:
+    """Return the result of a sweep as one line of text."""
     failed = (
         int(summary["lanes"]) - int(summary["lanes successful"]) - int(summary["lanes pending"])
     )
     parts = [f"{summary['lanes']} lanes, {failed} failed, {summary['lanes pending']} pending"]
     parts.append(f"{int(dataset['accepted'].clip(min=0).sum())} steps")
     forces = [
-        float(np.nanmax(one.values))
-        for one in dataset.data_vars.values()
-        if one.attrs.get("units") == "N" and np.isfinite(one.values).any()
+        float(np.nanmax(output.values))
+        for output in dataset.data_vars.values()
+        if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
     ]
     if forces:
         parts.append(f"largest force {max(forces):.4g} N")
     return ", ".join(parts)
-
-
-def _told(folder: Folder, summary: Mapping[str, str | int | float], code: int) -> int:
-    """The exit code: a sweep has failed if none of its lanes ran to its end."""
-    if code == INTERRUPTED:
-        say(f"interrupted; {summary['lanes pending']} lanes are pending: the same command goes on")
-        return code
-    if not summary["lanes successful"]:
-        say(f"error: no lane ran to its end; their result codes are in {folder.path}")
-        return FAILED
-    return WELL

@@ -1,7 +1,7 @@
-"""For how long a program has been in the making.
+"""Time since the program that is being compiled was begun.
 
-From the first line that is traced until the call returns, a program is being made; its run goes on
-behind, on the device.
+A program is being compiled from the first traced line until the call returns; the program itself
+runs on the device after that.
 """
 
 import threading
@@ -13,23 +13,22 @@ from typing import ParamSpec, TypeVar
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-_begun: dict[int, float] = {}
-"""When the program that a thread makes was begun, s of `time.monotonic`, by thread."""
+_began: dict[int, float] = {}
+"""Time at which each thread, by its number, began to compile a program; s of `time.monotonic`."""
 
 
 def seconds_of_compiling() -> float:
-    """For how long the program that is being made has been traced and compiled, in any thread; zero
-    if none is."""
-    begun = list(_begun.values())
-    return time.monotonic() - min(begun) if begun else 0.0
+    """Return for how long a program has been traced and compiled in any thread; zero if none is."""
+    times = list(_began.values())
+    return time.monotonic() - min(times) if times else 0.0
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The function, which is called when it is traced and then only."""
+    """Wrap a function that is called only to be traced, so that its call begins a program."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        _begun.setdefault(threading.get_ident(), time.monotonic())
+        _began.setdefault(threading.get_ident(), time.monotonic())
         return function(*arguments, **options)
 
     return traced
@@ -37,11 +36,11 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """A call that may make a program, unless it is part of one that is being made."""
+    """Enclose a call that may compile a program; a program ends with the outermost such call."""
     thread = threading.get_ident()
-    part = thread in _begun
+    is_inner = thread in _began
     try:
         yield
     finally:
-        if not part:
-            _begun.pop(thread, None)
+        if not is_inner:
+            _began.pop(thread, None)

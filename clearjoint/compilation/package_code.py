@@ -1,10 +1,9 @@
-"""Whether the code of the package in this process is that of its source files, and their digest.
+"""Digest of the package's source files, and a check that this process runs their code.
 
-The digest belongs to the files as they were when the import of the package began. It is refused
-once the files differ from that (the package was upgraded or edited while the process ran), and once
-a function, class or constant was put in the place of one that the package had when its import
-ended. This module imports nothing but Python's library, so that it can be the first that is
-imported.
+The digest is that of the files when the import of the package began. It is refused if the files
+have changed since then (the package was upgraded or edited while the process ran), or if a
+function, class or constant of the package was replaced after the import. This module imports only
+Python's library, so that it can be imported first.
 """
 
 import hashlib
@@ -19,9 +18,9 @@ from operator import is_
 PACKAGE = __name__.split(".")[0]
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
-"""Modules of other packages of which replaced functions are noticed too."""
+"""Modules of other packages in which replaced functions are noticed too."""
 _OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
-"""Modules whose variables change while a process runs; programs depend on none of them."""
+"""Modules whose variables change while a process runs; programs do not depend on them."""
 
 _BOOKKEEPING = frozenset(
     {
@@ -44,24 +43,26 @@ _BOOKKEEPING = frozenset(
         "_abc_impl",
     }
 )
-"""Attributes of classes that compute nothing; Python adds some of them late."""
+"""Attributes of classes that do not affect results; Python adds some of them late."""
 
 
 class ChangedCodeError(Exception):
-    """The code of this process is not, or no longer, that of the package's source files."""
+    """The code of this process differs from the package's source files."""
 
 
 class _State:
-    """What is known of the package's code in this process.
+    """Record of the package's code at its import, to which `source_digest` compares later code.
 
-    - `lock`: guards the others.
-    - `files`: what `_files` gave when the import of the package began.
-    - `names`: by module what it held when that import ended, names that were added later being
-      none of the package's own; `contents`: what `_contents` gave for these.
-    - `digest`: that of the source files, once it was asked for.
-    - `modules`: number of modules of the package that were loaded when `files` were last compared.
-    - `changed`: whether a change was ever found. What JAX has traced since then may hold replaced
-      code for as long as the process lives.
+    - `lock`: held while `source_digest` reads and updates this record.
+    - `files`: size, times and inode of each source file when the import began; see `_files`.
+    - `names`: for each module, the names that it defined when the import ended. Names that are
+      added later belong to other code and are not compared.
+    - `contents`: the objects with these names when the import ended; see `_contents`.
+    - `digest`: digest of the source files; ``None`` until it is first computed.
+    - `modules`: number of loaded modules of the package when `files` were last compared with the
+      disk; the comparison is repeated when this number has changed.
+    - `changed`: whether any comparison has found a change. It is never reset: even if the change is
+      undone, JAX may have traced programs from the changed code and reuse them.
     """
 
     def __init__(self) -> None:
@@ -75,10 +76,10 @@ class _State:
 
 
 def remember_contents() -> None:
-    """Note what the modules of the package and of `LIBRARIES` hold: to be called at the end of the
+    """Record the contents of the modules of the package and of `LIBRARIES`, at the end of the
     import of the package."""
-    own = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
-    modules = [name for name in own if not name.startswith(_OF_THE_PROCESS)]
+    loaded = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
+    modules = [name for name in loaded if not name.startswith(_OF_THE_PROCESS)]
     modules += [name for name in LIBRARIES if name in sys.modules]
     _STATE.names = {
         module: [
@@ -92,12 +93,12 @@ def remember_contents() -> None:
 
 
 def is_remembered(module: str) -> bool:
-    """Whether a module was loaded when `remember_contents` was called, so that a change is seen."""
+    """Return whether a module was loaded at `remember_contents`, so that changes are noticed."""
     return module in _STATE.names
 
 
 def source_digest() -> str:
-    """The digest of the package's source files as they were when its import began.
+    """Return the digest of the package's source files when its import began.
 
     **Raises:** `ChangedCodeError` if the code of this process differs from them, or ever did.
     """
@@ -114,28 +115,28 @@ def _is_as_imported() -> bool:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)
     if loaded != _STATE.modules:
-        # Modules that were imported since then may stem from other files.
+        # Modules imported since the last comparison may come from changed files.
         if _STATE.digest is None:
             _STATE.digest = _digest(_STATE.files)
         if _files() != _STATE.files:
             return False
         _STATE.modules = loaded
-    now = _contents(_STATE.names)
-    return len(now) == len(_STATE.contents) and all(map(is_, now, _STATE.contents))
+    contents = _contents(_STATE.names)
+    return len(contents) == len(_STATE.contents) and all(map(is_, contents, _STATE.contents))
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """By path of each source file what changes whenever it is written or replaced."""
-    found, waiting = {}, [_FOLDER]
-    while waiting:
-        with os.scandir(waiting.pop()) as entries:
+    """Return size, times and inode of each source file, which change when it is written."""
+    states, folders = {}, [_FOLDER]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
             for entry in entries:
                 if entry.is_dir() and entry.name != "__pycache__":
-                    waiting.append(entry.path)
+                    folders.append(entry.path)
                 elif entry.name.endswith(".py"):
                     s = entry.stat()
-                    found[entry.path] = s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino
-    return found
+                    states[entry.path] = s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino
+    return states
 
 
 def _digest(paths: dict[str, tuple[int, ...]]) -> str:
@@ -148,32 +149,32 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
 
 
 def _contents(names: Mapping[str, list[str]]) -> list[object]:
-    """What modules have under names, and what may be replaced in that: attributes of classes, items
-    of dictionaries and lists, code and defaults of functions."""
-    found: list[object] = []
-    for module, own in names.items():
-        values = list(map(vars(sys.modules[module]).get, own))
+    """Return the values of names in modules, and all parts of them that may be replaced: attributes
+    of classes, items of dictionaries and lists, code and defaults of functions."""
+    contents: list[object] = []
+    for module, names_of_module in names.items():
+        values = list(map(vars(sys.modules[module]).get, names_of_module))
         for value in list(values):
             if isinstance(value, type) and _is_listed_in(module, value):
-                inner = vars(value)
-                attributes = sorted(inner.keys() - _BOOKKEEPING)
-                found += attributes
-                values += map(inner.get, attributes)
-        found += values
+                members = vars(value)
+                attributes = sorted(members.keys() - _BOOKKEEPING)
+                contents += attributes
+                values += map(members.get, attributes)
+        contents += values
         for value in values:
             if isinstance(value, types.FunctionType):
-                found += value.__code__, value.__defaults__, value.__kwdefaults__
+                contents += value.__code__, value.__defaults__, value.__kwdefaults__
             elif isinstance(value, dict) and not isinstance(value, OrderedDict):
-                # In an `OrderedDict` the package remembers results; it changes in any run.
-                found += *value.keys(), *value.values()
+                # An `OrderedDict` is a cache of results in this package, and changes in any run.
+                contents += *value.keys(), *value.values()
             elif isinstance(value, list):
-                found += value
-    return found
+                contents += value
+    return contents
 
 
 def _is_listed_in(module: str, cls: type) -> bool:
-    """Whether the attributes of a class are looked at with a module: that in which it is defined,
-    or the library whose public class it is."""
+    """Return whether attributes of a class are recorded with a module: the one that defines it, or
+    the library that exports it."""
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 
 

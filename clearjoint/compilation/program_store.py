@@ -1,11 +1,13 @@
 """Files of compiled programs, by their keys, in a folder of bounded size.
 
-They hold machine code and are read by `pickle`, so that a folder to which others may write is not
-used (see `cache_folder`). The folder lies in that of JAX's compilation cache.
+The folder is in that of JAX's compilation cache. Programs are machine code, and are read by
+`pickle`: whoever can write to the folder can have code executed by whoever reads from it. So the
+folder is made for its owner alone, and a folder to which others may write is not used.
 """
 
 import hashlib
 import os
+import stat
 import tempfile
 import zlib
 from contextlib import suppress
@@ -13,43 +15,81 @@ from pathlib import Path
 
 import jax
 
-from .cache_folder import is_private
-
 MOST_BYTES = 1_000_000_000
-"""Of all files; beyond that those unused for longest are removed."""
+"""Size of all files from which on those unused for longest are removed."""
+_OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
 _DIGEST = 20
 _is_on = False
 
 
 def keep_programs(keep: bool = True) -> None:
-    """Whether native programs are kept whole, as long as JAX's compilation cache is in use; their
-    machine code alone is kept in any case."""
+    """Switch on or off that native programs are saved as a whole in JAX's compilation cache; their
+    machine code is saved in any case."""
     global _is_on
     _is_on = keep
 
 
 def keeps_programs() -> bool:
-    """Whether `keep_programs` has switched that on."""
+    """Return whether `keep_programs` is switched on."""
     return _is_on
 
 
 def cache_in_use() -> Path | None:
-    """The folder of JAX's compilation cache, if that is in use."""
+    """Return the folder of JAX's compilation cache, or ``None`` if that is not in use."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
     return None if "://" in cache else Path(cache)
 
 
+def prepare_folder(folder: Path) -> str | None:
+    """Make a folder that only its owner may enter, unless it exists.
+
+    **Returns:** the reason why the folder must not be used, with the remedy, or ``None``.
+
+    **Raises:** `ValueError` if the path is that of a file.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise ValueError(
+            f"The cache folder {str(folder)!r} is a file, or lies in one: remove the file, or "
+            f"{_OTHER_PATH}"
+        ) from None
+    except OSError as error:
+        return f"The cache folder {str(folder)!r} can't be made ({error.strerror}): {_OTHER_PATH}"
+    if is_private(folder):
+        return None
+    mode = stat.filemode(folder.stat().st_mode)
+    return (
+        f"Other users may write to the cache folder {str(folder)!r} ({mode}), from which "
+        "machine code is read: remove it, and it is made again for you alone; or, if nobody else "
+        f"has written to it, run `chmod go-w '{folder}'`; or {_OTHER_PATH}"
+    )
+
+
+def is_private(folder: Path) -> bool:
+    """Return whether only the user of this process and the administrator may write to a folder.
+
+    The result is ``True`` on systems without POSIX permissions, such as Windows.
+
+    **Raises:** `OSError` if the folder doesn't exist.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    status = folder.stat()
+    return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
 class ProgramStore:
-    """A folder of programs."""
+    """A folder of compiled programs, one file for each key."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
 
     def read(self, key: str) -> bytes | None:
-        """The content under a key, or ``None`` if there is none or it is damaged."""
+        """Return the content under a key, or ``None`` if there is none or it is damaged."""
         path = self._path(key)
         try:
             if not is_private(self._folder):
@@ -59,12 +99,12 @@ class ProgramStore:
         except (OSError, zlib.error):
             return None
         with suppress(OSError):
-            # Fails in a folder that may only be read.
+            # The time of the last use, which cannot be set in a read-only folder.
             os.utime(path)
         return content if whole[:_DIGEST] == _digest(key, content) else None
 
     def write(self, key: str, content: bytes) -> None:
-        """Put content under a key, whole or not at all.
+        """Write content under a key, atomically.
 
         **Raises:** `OSError` if it can't be written.
         """
@@ -80,26 +120,24 @@ class ProgramStore:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-        self._bound()
+        self._remove_oldest()
 
     def _path(self, key: str) -> Path:
         return self._folder / f"{key}{_SUFFIX}"
 
-    def _bound(self) -> None:
-        """Remove what has not been used for longest; another process may do so too."""
-        found = []
+    def _remove_oldest(self) -> None:
+        """Remove the files unused for longest; another process may do so at the same time."""
+        files = []
         for path in self._folder.iterdir():
-            try:
+            with suppress(OSError):
                 status = path.stat()
-            except OSError:
-                continue
-            found.append((status.st_mtime, status.st_size, path))
-        left = sum(size for _, size, _ in found)
-        for _, size, path in sorted(found):
-            if left <= self._most_bytes:
+                files.append((status.st_mtime, status.st_size, path))
+        total = sum(size for _, size, _ in files)
+        for _, size, path in sorted(files):
+            if total <= self._most_bytes:
                 break
             path.unlink(missing_ok=True)
-            left -= size
+            total -= size
 
 
 def _digest(key: str, content: bytes) -> bytes:

@@ -1,7 +1,7 @@
-"""Tracing: functions traced once, and Python's collector of garbage at rest meanwhile.
+"""Tracing of functions by JAX.
 
-Tracing makes a hundred thousand objects that stay, and the collector walks through all of them
-again and again and finds none: a third of the time.
+Python's garbage collector is off during that. Tracing makes a hundred thousand objects that stay in
+use; visiting these repeatedly, to no avail, would take a third of the time.
 """
 
 import gc
@@ -21,10 +21,10 @@ Result = TypeVar("Result")
 
 
 def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
-    """The function of PyTrees, traced at its first call and not again for arguments alike.
+    """Wrap a function of PyTrees so that it is traced once for arguments of the same structure.
 
-    What was traced goes with what is returned here, unlike that of `equinox.filter_jit`, which is
-    kept for the next run too, when a global that the function reads may have changed.
+    The jaxpr is discarded with the wrapper. `equinox.filter_jit` would use it for the next run too,
+    when a global variable that the function reads may have changed.
     """
 
     @partial(jax.jit, static_argnums=1)
@@ -44,10 +44,10 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
-    """The program that JAX traces of a function, and the shapes of its result.
+    """Return the jaxpr of a function, and the shapes of its result.
 
-    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, stand as one equation without an
-    inner program until JAX lowers it: here as what they consist of.
+    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are one equation without an inner
+    jaxpr until JAX lowers it; here they are expanded.
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
@@ -57,7 +57,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Inside, no garbage is collected."""
+    """Switch Python's garbage collector off within the context."""
     if not gc.isenabled():
         yield
         return
@@ -69,5 +69,5 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Whether JAX traces a function in this thread. JAX has no public name for this."""
+    """Return whether JAX traces a function in this thread. JAX has no public name for this."""
     return not core.trace_state_clean()

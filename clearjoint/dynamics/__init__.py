@@ -1,2 +1,3 @@
-"""Equations of motion at one instant: coordinates, constraints, contact forces, energies,
-assembly. Nothing here knows steps or solvers of differential equations."""
+"""Equations of motion at one instant: coordinates, constraints, contact forces, energies, assembly.
+
+Steps and solvers of differential equations are in `clearjoint.simulation`."""

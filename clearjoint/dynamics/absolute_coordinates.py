@@ -1,4 +1,5 @@
-"""Absolute coordinates: each body by itself, all ideal joints constraints, as in the paper."""
+"""Absolute coordinates: position and orientation of each body; all ideal joints are constraints, as
+in the paper."""
 
 from typing import TypeAlias
 
@@ -16,7 +17,7 @@ from .coordinates import (
     anchors,
     body_with_speeds,
     free_motion,
-    settled_body,
+    normalised_body,
 )
 
 Bodies: TypeAlias = dict[str, BodyState]
@@ -25,21 +26,21 @@ Bodies: TypeAlias = dict[str, BodyState]
 class AbsoluteCoordinates(AbstractCoordinates):
     """Position, Euler parameters, velocity and body spin of each body.
 
-    A body's position variable is that of its centre of mass, or of its `Anchor` if it hangs on the
-    ground by a clearance joint: from the bearing's centre to the journal's, which in metre-sized
-    coordinates would lose the digits that impacts amplify.
+    The position variable is that of the centre of mass. A body with a clearance joint to the ground
+    has an `Anchor` instead: the vector from the bearing's centre to the journal's. As a difference
+    of coordinates of the size of metres, this vector would lose digits that impacts amplify.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """No joint: all ideal ones are constraints."""
+        """Return no joint: all ideal joints are constraints."""
         del scene
         return frozenset()
 
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
-        """The bodies' states, those with an anchor by its offset."""
+        """Return the states of the bodies, with the anchor's offset as position if there is one."""
         points = anchors(scene)
 
         def encoded(name: str, body: BodyState) -> BodyState:
@@ -54,7 +55,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {name: encoded(name, body) for name, body in bodies.items()}
 
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
-        """The states of the bodies' centres of mass."""
+        """Return the states of the bodies' centres of mass."""
         motions = self.motions(scene, variables)
         return {
             name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
@@ -62,35 +63,35 @@ class AbsoluteCoordinates(AbstractCoordinates):
         }
 
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
-        """Motion of each body."""
+        """Return the motion of each body."""
         points = anchors(scene)
         free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
         return {GROUND: GROUND_MOTION, **free}
 
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
-        """The equations of motion of the bodies (eq. 29)."""
+        """Return the equations of motion of the bodies (eq. 29)."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Euler parameters of unit norm."""
+        """Return the states with Euler parameters of unit norm."""
         del scene
-        return {name: settled_body(body) for name, body in variables.items()}
+        return {name: normalised_body(body) for name, body in variables.items()}
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        """Velocities and spins of the others."""
+        """Return the positions of `variables` with velocities and spins of `others`."""
         del scene
         return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton and Euler for each body; H is the identity."""
+    """Newton-Euler equations of each body; H is the identity."""
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
         self._scene, self._variables, self.motions = scene, variables, motions
         self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Accelerations under wrenches, gyroscopic moments and gravity."""
+        """Return accelerations under wrenches, gyroscopic moments and gravity."""
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
@@ -100,12 +101,12 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """The wrenches' components, body by body."""
+        """Return the components of the wrenches, body by body."""
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Force by mass and moment by inertia."""
+        """Return force over mass and moment over inertia."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
             acceleration = self._inverses[name](Wrench(load.linear, load.angular))
@@ -113,16 +114,16 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Zero: the rates are the bodies' accelerations, with H the identity."""
+        """Return zero: H is the identity, so the rates are the accelerations of the bodies."""
         del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """The rates, body by body."""
+        """Return the rates, body by body."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:
-        """Velocity, Euler parameter rates, and accelerations."""
+        """Return velocities, rates of Euler parameters, and accelerations."""
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
             body, anchor = self._variables[name], self.motions[name].anchor
@@ -135,19 +136,20 @@ class AbsoluteMechanics(AbstractMechanics):
         return variable_rates
 
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Positions shifted and orientations turned."""
+        """Return the variables with positions shifted and orientations turned."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
             if motion.anchor is not None:
-                turn = change.angular.cross(motion.anchor.local)
-                shift = shift + motion.direction(turn)
+                # The position variable is that of the anchor's point, which the rotation moves.
+                arm_change = change.angular.cross(motion.anchor.local)
+                shift = shift + motion.direction(arm_change)
             orientation = turned(body.orientation, change.angular)
             bodies[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
         return bodies
 
     def after_speed_change(self, changes: Speeds) -> Bodies:
-        """Velocities and spins changed."""
+        """Return the variables with velocities and spins changed."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
@@ -157,7 +159,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Six numbers for each body as two vectors."""
+    """Return six numbers for each body as two vectors."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
@@ -165,7 +167,7 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
 
 
 class InverseMass:
-    """Turns a wrench on a free body into its acceleration, without gyroscopic terms."""
+    """Maps a wrench on a free body to its acceleration, without gyroscopic terms."""
 
     def __init__(self, body: Body):
         self._inverse = 1.0 / body.mass
@@ -177,7 +179,7 @@ class InverseMass:
             self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
 
     def __call__(self, wrench: Wrench) -> BodyAcceleration:
-        """Acceleration of the centre of mass, and of the spin in body axes."""
+        """Return the acceleration of the centre of mass, and that of the spin in body axes."""
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:

@@ -1,4 +1,4 @@
-"""Initial states that satisfy the constraints, in position and velocity."""
+"""Initial states that satisfy the constraints in position and velocity."""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -21,16 +21,17 @@ from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
-from .journals import centring_joints, outside, seating_joints, with_ideal
+from .journals import centring_joints, outside, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
 TOLERANCE = 1e-12
 """Largest |Phi| of an assembled state, m for translations."""
 ACCEPTED_VIOLATION = 1e-6
-"""Largest |Phi| and |rate of Phi| that a given state may start a run with."""
+"""Largest |Phi| and |rate of Phi| of a state from which a run may start."""
 REPRESENTED = 1e-3
-"""Difference of Euler parameters beyond which an assembled state is another than its variables'."""
+"""Largest difference of Euler parameters between a state and its conversion to variables and back
+that counts as rounding."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -40,7 +41,7 @@ def check_names(scene: Scene, state: State) -> None:
         "scene",
         type(scene).__name__,
         "a Scene",
-        "pass one; what makes a mechanism returns two things: scene, state = cj.four_bar()",
+        "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()",
     )
     require(
         isinstance(state, State),
@@ -60,38 +61,41 @@ def check_names(scene: Scene, state: State) -> None:
         for field in ("position", "orientation", "velocity", "spin"):
             require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
         if (known := checkable(body.orientation)) is not None:
-            (turn,) = known
-            norm = (turn**2).sum() ** 0.5
+            (parameters,) = known
+            norm = (parameters**2).sum() ** 0.5
             require(
                 (norm > 0.9) & (norm < 1.1),
                 f"state.bodies[{name!r}].orientation",
-                turn,
+                parameters,
                 "Euler parameters of about unit norm, scalar part first",
                 "make states with body_state(...), which checks them",
             )
-    for part in ("memory", "work", "bristles"):
+    for part in ("entry_speeds", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
 
 
-def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[str] = ()) -> State:
-    """The state nearest to a guess, in the metric of the masses, that satisfies the constraints and
-    has each journal in its bearing.
+def assemble(
+    scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
+) -> State:
+    """Compute the state nearest to a guess that satisfies the constraints, with each journal in its
+    bearing.
 
-    A journal that is in its bearing stays where the guess has it. One that is in the wall, by more
-    than a micrometre, or beyond it is centred, and moves as an ideal joint would let it.
+    Distances are measured in the metric of the mass matrix. A journal inside its bearing stays at
+    the position of the guess. One that penetrates the wall by more than a micrometre is centred,
+    and gets the velocity of an ideal joint.
 
     **Arguments:**
 
-    - `state`: the guess; velocities may be rough as well.
+    - `state`: the guess, of positions and velocities.
     - `t`: s, for constraints that depend on time.
-    - `seated`: names of clearance joints whose journals shall lie along the wall, where gravity and
-      the scene's forces press them while nothing moves yet.
+    - `resting`: names of clearance joints whose journals are to be in contact with the wall, on the
+      side to which gravity and the scene's forces press them while the bodies are at rest.
 
-    **Raises:** `ValueError` if the constraints can't be met from there, with the worst of them; for
-    a joint to be seated that has no clearance, or whose journal nothing presses against the wall.
+    **Raises:** `ValueError` if the constraints cannot be satisfied from the guess, naming the worst
+    one; for a name in `resting` without clearance, or whose journal has no load across its axis.
 
-    >>> scene, guess = cj.slider_crank(clearance=None)
+    >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
     >>> bool(np.allclose(state.bodies["slider"].position, guess.bodies["slider"].position))
     True
@@ -99,33 +103,37 @@ def assemble(scene: Scene, state: State, t: Scalar = 0.0, *, seated: Collection[
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
     known = sorted(centring_joints(scene, scene.contact_joints()))
-    require(not isinstance(seated, str), "seated", seated, "a list of names", 'pass ["pin"]')
-    for name in seated:
+    require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
+    for name in resting:
         remedy = nearest(name, known, "leave out the others")
-        require(name in known, "seated", name, f"names of clearance joints {known}", remedy)
-    held = centring_joints(scene, seated)
-    state = _in_bearings(scene, held, state, t)
-    if not seated:
+        require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
+    # Loads depend on the position, so resting journals are centred first, then moved to the wall.
+    ideal = centring_joints(scene, resting)
+    state = _in_bearings(scene, ideal, state, t)
+    if not resting:
         return state
-    held |= seating_joints(scene, held, seated, state, t)
-    return _in_bearings(scene, held, state, t)
+    ideal |= resting_joints(scene, ideal, resting, state, t)
+    return _in_bearings(scene, ideal, state, t)
 
 
 def _in_bearings(
-    scene: Scene, held: dict[str, AbstractConstraint], state: State, t: Scalar
+    scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """The state assembled with ideal joints in the place of those `held`, to which those of all
-    journals outside their bearings are added."""
+    """Assemble a state with the joints in `ideal` replaced by ideal ones.
+
+    Assembling may move further journals out of their bearings. They are centred too, by ideal
+    joints added to `ideal`, until none is outside.
+    """
     while True:
-        state = _satisfying(with_ideal(scene, held), state, t)
-        added = centring_joints(scene, outside(scene, state) - set(held))
+        state = _satisfying(with_ideal(scene, ideal), state, t)
+        added = centring_joints(scene, outside(scene, state) - set(ideal))
         if not added:
             return state
-        held |= added
+        ideal |= added
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """The nearest state that satisfies the constraints."""
+    """Return the nearest state that satisfies the constraints, by Newton iterations."""
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = on_device(t)
@@ -136,11 +144,12 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
+    # The velocity constraints are linear; the second projection removes rounding of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
-    return State(bodies, state.memory, state.work, state.bristles)
+    return State(bodies, state.entry_speeds, state.work, state.bristles)
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
@@ -150,39 +159,43 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others: motion and reactions would then be
-    rounding's."""
+    """Check that no constraint nearly depends on the others: rounding would then determine motion
+    and reactions."""
     require(
         not uncertain,
         "state",
         list(uncertain),
         "without constraints that nearly depend on the others",
-        "align the points and axes of these joints with the others' exactly, or by more than 1e-5; "
-        "leave out what the others hold; or start farther from a singular position",
+        "align the points and axes of these joints with the others' exactly, or misalign them by "
+        "more than 1e-5; leave out redundant joints; or start farther from a singular position",
     )
 
 
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates can hold an assembled state: a revolute joint's constraints, for
-    example, leave its axes parallel or antiparallel, an angle only the former."""
-    variables, held = round_trip(scene, state, Formulation(coordinates))
+    """Check that the coordinates can represent an assembled state.
+
+    The constraints of a revolute joint, for example, are satisfied by parallel and by antiparallel
+    axes; an angle represents only parallel ones.
+    """
+    variables, represented = round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
-        turn, other = np.asarray(body.orientation), np.asarray(held[name].orientation)
-        apart = min(np.abs(turn - other).max(), np.abs(turn + other).max())
+        given, found = (np.asarray(b.orientation) for b in (body, represented[name]))
+        # Euler parameters of opposite sign are the same orientation.
+        apart = min(np.abs(given - found).max(), np.abs(given + found).max())
         require(
             bool(apart < REPRESENTED),
             f"state.bodies[{name!r}].orientation",
-            turn,
-            f"one that the coordinates can hold, here {other.tolist()}",
-            "turn round one of the axes of the joint that carries the body, or pass "
+            given,
+            f"one that the coordinates can represent, here {found.tolist()}",
+            "reverse one of the axes of the joint that carries the body, or pass "
             "coordinates=AbsoluteCoordinates()",
         )
 
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates have something left to move; nothing is compiled for it."""
+    """Check that the coordinates have at least one variable, without compiling anything."""
     variables, _ = eqx.filter_eval_shape(
         round_trip.__wrapped__, scene, state, Formulation(coordinates)
     )
@@ -194,7 +207,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
         bool(jax.tree.leaves(variables)),
         "coordinates",
         type(coordinates).__name__,
-        "such that something is left to move",
+        "such that a degree of freedom is left",
         "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
     )
 
@@ -203,28 +216,28 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """The variables of a state, and the bodies as these hold them."""
+    """Return the variables of a state, and the states of the bodies that these represent."""
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(state.bodies))
     return variables, pack(system.decode(variables))
 
 
 def _require_satisfied(
-    names: tuple[str, ...], residuals: np.ndarray, tolerance: float, wish: str, what: str
+    names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
     if residuals.size == 0:
         return
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
     remedy = (
         "call assemble(scene, state) first"
-        if wish == "consistent"
+        if quality == "consistent"
         else "start from a better guess, or check the joints' points and axes against each other"
     )
     require(
         bool(np.abs(residuals[worst]) <= tolerance),
         "state",
         float(residuals[worst]),
-        f"{wish} in its {what} (residual of constraint {names[worst]!r} at most {tolerance:g})",
+        f"{quality} in its {part} (residual of constraint {names[worst]!r} at most {tolerance:g})",
         remedy,
     )
 

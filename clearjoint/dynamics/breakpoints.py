@@ -1,8 +1,8 @@
-"""Instants at which elements of a scene change: steps end there, and see one side of them only.
+"""Breakpoints: instants at which elements of a scene change discontinuously. Steps end there.
 
-An element declares them as its `breakpoints`, in s. Whether it compares time with < or <= makes no
-difference then: a step up to such an instant sees the element as it is just before, a step from it
-as it is just after.
+An element declares them as its `breakpoints`, in s. A step up to a breakpoint evaluates the element
+just before it, a step from there just after it. So it does not matter whether the element compares
+time with < or <=.
 """
 
 import math
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import traced_once
-from ..math.periodic import wrapped
+from ..math.functions import wrapped
 from ..math.vectors import Condition, Scalar
 from ..model.joints.base import AbstractElement
 from ..model.scene import Scene
@@ -25,26 +25,27 @@ if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
-"""Of a breakpoint, within which an instant is at it: elements may compute it in another order."""
+"""Tolerance for an instant to be at a breakpoint, in units of rounding: elements may compute it in
+another order of operations."""
 
-PLACES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
-"""Gauss's quadrature of order ten, over -1 to 1."""
+NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
+"""Gauss quadrature of order ten on -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding of a driver's value, m or rad, and of its rate, per second: those of a table of large
-values at short intervals cancel to this."""
+"""Rounding of a driver's value, m or rad, and of its rate, per second. Differences in a table of
+large values at short intervals have errors of this size."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
-    """The breakpoints by joint and force, s; elements without any are left out. Arrays remain."""
+    """Return the breakpoints of each joint and force that has any, s, as numbers or arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {name: jax.tree.leaves(element.breakpoints()) for name, element in elements.items()}
-    return {name: own for name, own in times.items() if own}
+    return {name: instants for name, instants in times.items() if instants}
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """The first breakpoint after a time, infinite if there is none; ``None`` where the scene has
-    none at all. Both times are by the system's own clock."""
+    """Return the first breakpoint after t, infinite if all are before it; ``None`` if the scene has
+    none at all. Both times are in s since the system's `origin`."""
     now = system.clock(t)
     soonest = _extreme(
         system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)
@@ -52,9 +53,12 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     return None if soonest is None else system.own_time(soonest)
 
 
-def seen(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """The time as elements see it in a step from `start`: between the breakpoints, not on them. All
-    times are by the system's own clock."""
+def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
+    """Return the time at which elements are evaluated for a time t in a step from `start`.
+
+    It is t, clipped to the open interval between the breakpoints around the step: just after the
+    last one at its start, just before the next one. All times are in s since the system's `origin`.
+    """
     scene, start = system.scene, system.clock(start)
 
     def left(at: jax.Array) -> jax.Array:
@@ -73,17 +77,20 @@ def seen(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Of each element with breakpoints: whether a step from `start` to t, by the system's own
-    clock, lands on one, and the time since that one, s. The time is zero to rounding, but has a
-    derivative."""
+    """Return, for each element with breakpoints, whether a step from `start` to t lands on one, and
+    the time since that breakpoint, s.
+
+    This time is zero to rounding, but has a derivative along what the breakpoint depends on. Times
+    are in s since the system's `origin`.
+    """
     landings = {}
     start, t = system.clock(start), system.clock(t)
     for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
-            here = _is_after(at, start) & ~_is_after(at, t)
-            count = count + jnp.sum(here)
-            sum_since = sum_since + jnp.sum(jnp.where(here, t - at, 0.0))
+            in_step = _is_after(at, start) & ~_is_after(at, t)
+            count = count + jnp.sum(in_step)
+            sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
 
@@ -91,36 +98,45 @@ def since_breakpoints(
 def drivers_are_smooth(
     system: System, variables: MotionVariables, start: Scalar, end: Scalar, rtol: Scalar
 ) -> Condition | None:
-    """Whether constraints that depend on time change over a step by what their rates say, within a
-    relative tolerance; ``None`` without such constraints.
+    """Whether all drivers (constraints that depend on time) are smooth over a step; ``None``
+    without drivers.
 
-    The equations of motion take second rates alone from a driver, at the solver's stages. Neither
-    a kink nor a jump has one, so that error estimates miss both, and the run would go on with the
-    old speed. Both times are by the system's own clock; bodies stand still at the `variables`, so
-    that all that changes is what is prescribed. Angles count modulo 2 pi.
+    A driver counts as smooth if its value changes by the integral of its rate, and its rate by the
+    integral of its second rate, within a relative tolerance. The equations of motion use only
+    second rates of a driver, at the solver's stages. A kink or a jump has none there, so error
+    estimates miss it, and the run would continue with the old speed.
+
+    **Arguments:** `variables`: position at which the constraints are evaluated, with the bodies at
+    rest, so that only the prescribed motion contributes; `start`, `end`: s since the system's
+    `origin`.
     """
 
     @traced_once
     def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
         return system.prescribed(variables, t)
 
-    def total(values: Sequence[Scalar]) -> Scalar:
+    def integral(values: Sequence[Scalar]) -> Scalar:
         return 0.5 * h * sum(w * value for w, value in zip(WEIGHTS, values, strict=True))
 
     if not jax.eval_shape(lambda: system.prescribed(variables, end)):
         return None
     h, eps = end - start, jnp.finfo(jnp.result_type(float)).eps
-    inside = [start + 0.5 * (1.0 + x) * h for x in PLACES]
-    within = [seen(system, start, t) for t in (start, end, *inside)]
-    past_end = seen(system, end, end)  # on the other side, where the step ends at a breakpoint
+    inside = [start + 0.5 * (1.0 + x) * h for x in NODES]
+    within = [one_sided_time(system, start, t) for t in (start, end, *inside)]
+    # If the step ends at a breakpoint, the rate may change there, but the value must be continuous.
+    # So the value is taken on the far side of the end, and rates on the near side.
+    past_end = one_sided_time(system, end, end)
     rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     for beyond, first, last, *others in zip(*at_times, strict=True):
         rates, seconds = zip(*((one.rate, one.second_rate) for one in others), strict=True)
-        value = wrapped(beyond.value - first.value - total(rates), 2.0 * math.pi)
-        rate = last.rate - first.rate - total(seconds)
-        change = total([jnp.abs(second) for second in seconds])
+        # Angles are compared modulo 2 pi.
+        value = wrapped(beyond.value - first.value - integral(rates), 2.0 * math.pi)
+        rate = last.rate - first.rate - integral(seconds)
+        # The scale is the total variation of the rate: a driver that oscillates within the step has
+        # small rates at both ends.
+        change = integral([jnp.abs(second) for second in seconds])
         speed = jnp.abs(first.rate) + jnp.abs(last.rate) + change
         allowed = (rtol + rounding) * speed
         fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
@@ -138,14 +154,16 @@ def _rounding(at: Scalar) -> jax.Array:
 
 
 def _extreme(
-    scene: Scene, choice: "BinaryUfunc", of: Callable[[jax.Array], jax.Array]
+    scene: Scene, choice: "BinaryUfunc", function: Callable[[jax.Array], jax.Array]
 ) -> Scalar | None:
-    """The smallest or largest of what each breakpoint gives; where steps end is no function of the
-    parameters."""
+    """Return the smallest or largest value of a function of all breakpoints; ``None`` without any.
+
+    It is not differentiated: the solution does not depend on where steps end.
+    """
     extreme: jax.Array | None = None
     for times in breakpoints(scene).values():
         for at in times:
-            here = of(jax.lax.stop_gradient(jnp.asarray(at, dtype=float)))
-            here = here if jnp.ndim(here) == 0 else choice.reduce(here)
-            extreme = here if extreme is None else choice(extreme, here)
+            value = function(jax.lax.stop_gradient(jnp.asarray(at, dtype=float)))
+            value = value if jnp.ndim(value) == 0 else choice.reduce(value)
+            extreme = value if extreme is None else choice(extreme, value)
     return extreme

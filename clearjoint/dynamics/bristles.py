@@ -1,8 +1,8 @@
-"""Bristles of contacts in the course of a run: where they start, their rates, and their reset.
+"""Bristle deflections in the course of a run: initial values, rates, and resets.
 
-A deflection is zero where the contact is open. A contact that began a time tau before the end of a
-step has bristles that were dragged for that long: tau is zero to rounding, but its derivative
-isn't, so that the deflection is given as slip times tau there.
+A deflection is zero while the contact is open. If a contact began a time tau before the end of a
+step, its bristles have been dragged for that time. Steps land on onsets, so tau is zero to
+rounding, but its derivative is not: the deflection is set to slip times tau.
 """
 
 import jax
@@ -11,19 +11,19 @@ import jax.numpy as jnp
 from ..math.vectors import Scalar, Vector
 from ..model.joints.base import Motions
 from ..model.scene import Scene
-from .contact_events import Reaches
+from .contact_events import ContactGaps
 from .contact_forces import Bristles
 from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """The deflections given, and zero where there are none."""
+    """Return the given deflections, m, and zeros for the other contacts with bristle laws."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 
 def bristle_rates(dynamics: Dynamics) -> Bristles:
-    """Rates of the deflections, m/s, of the contacts that have bristles."""
+    """Return the rates of the deflections, m/s, of the contacts with bristle laws."""
     rates = {
         name: {
             label: force.bristle_rate
@@ -36,7 +36,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """What errors of deflections are judged against, m, in the form of deflections."""
+    """Return the deflection of each contact at full friction, m: the error scale of deflections,
+    with the same PyTree structure as these."""
     return {
         name: {
             label: _constant(jnp.asarray(law.full_deflection(), float))
@@ -47,10 +48,19 @@ def full_deflections(scene: Scene) -> Bristles:
 
 
 def updated_bristles(
-    scene: Scene, bristles: Bristles, motions: Motions, before: Reaches, after: Reaches, lands: bool
+    scene: Scene,
+    bristles: Bristles,
+    motions: Motions,
+    before: ContactGaps,
+    after: ContactGaps,
+    lands: bool,
 ) -> Bristles:
-    """Deflections after an accepted step that ends with such motions: set where a contact began, if
-    steps land there, and zero where it is open."""
+    """Return the deflections after an accepted step, m.
+
+    **Arguments:** `motions`: at the end of the step; `before`, `after`: contact gaps at its start
+    and end; `lands`: whether steps land on onsets. If so, a contact that began in the step gets
+    slip times the time since its onset.
+    """
     joints = scene.contact_joints()
     updated: Bristles = {}
     for name, family in bristles.items():

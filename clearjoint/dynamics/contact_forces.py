@@ -1,9 +1,9 @@
-"""Forces of contacts at an instant: normal force, its elastic part, and friction.
+"""Contact forces at an instant: normal force, its elastic part, and friction.
 
-Without friction in a joint no slip is computed. Where friction comes from bristles, their
-deflections are needed beside the motion, and their rates are found with the force: both follow from
-the same slip. So deflections are variables of a run, as the motion is, and come here by joint and
-contact; whoever has no such laws passes none.
+If a joint has no friction, no slip is computed. Bristle friction needs deflections in addition to
+the motion. Their rates follow from the same slip as the force, so both are computed here; the
+deflections are variables of a run, by joint and contact label. Scenes without bristle laws have
+none.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,12 +17,16 @@ from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.gap import Gap
-from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, contact_normal_force
+from ..model.contact.laws import (
+    UNKNOWN_ENTRY_SPEED,
+    AbstractContactLaw,
+    contact_normal_force,
+)
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
-Memory: TypeAlias = ByLabel[Scalar]
-"""Entry speed of each contact whose law remembers it, m/s; zero in flight."""
+EntrySpeeds: TypeAlias = ByLabel[Scalar]
+"""Entry speed of each contact whose law uses it, m/s; zero in flight."""
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed."""
 Bristles: TypeAlias = ByLabel[Vector]
@@ -30,14 +34,15 @@ Bristles: TypeAlias = ByLabel[Vector]
 rates, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""m: a depth at which a contact exists and nothing is compressed."""
+"""m: a depth at which a contact exists without compression."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class LoadedContact:
-    """A contact with the forces that it transmits: normal force N, friction vector or ``None``; and
-    the rate of its bristles' deflection, m/s in the axes of the first body, ``None`` without."""
+    """A contact with its forces in N: normal force, its elastic part, and friction on the second
+    body, ``None`` without friction. `bristle_rate`: rate of the bristles' deflection, m/s in the
+    axes of the first body, ``None`` without bristles."""
 
     contact: Contact
     normal_force: Scalar
@@ -49,25 +54,26 @@ class LoadedContact:
 def contact_forces(
     scene: Scene,
     motions: Motions,
-    memory: Memory,
+    entry_speeds: EntrySpeeds,
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
 ) -> ByLabel[LoadedContact]:
-    """Forces of all contacts, by joint and contact.
+    """Return the forces of all contacts, by joint and contact label.
 
-    If it is given which ones are `closed`, these alone have a force, and one whose slope jumps at
-    the wall goes on past it: see `contact_force`. A closed one without an entry speed on record
-    counts as elastic, as one that exists before a run does.
+    **Arguments:** `entry_speeds`: m/s; a closed contact with an entry speed of zero counts as
+    elastic, like one that exists at the start of a run. `closed`: which contacts have a force,
+    whatever their depth (see `contact_force`); if ``None``, those that penetrate. `bristles`:
+    deflections, m, for the contacts with bristle laws.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
         laws, contacts = joint.laws(), joint.contacts(motions)
         forces[name] = {}
         for label, contact in contacts.items():
-            entry_speed = memory[name][label] if laws[label].has_memory else None
-            pushes = None if closed is None else closed[name][label]
-            if pushes is not None and entry_speed is not None:
-                # Unlike the present rate this is the same in all stages of a step.
+            entry_speed = entry_speeds[name][label] if laws[label].uses_entry_speed else None
+            is_closed = None if closed is None else closed[name][label]
+            if is_closed is not None and entry_speed is not None:
+                # Not the present rate, which would differ between the stages of a step.
                 entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
             forces[name][label] = contact_force(
                 joint,
@@ -75,7 +81,7 @@ def contact_forces(
                 laws[label],
                 contact,
                 entry_speed,
-                pushes,
+                is_closed,
                 motions,
                 bristles.get(name, {}),
             )
@@ -89,10 +95,13 @@ def contact_wrenches(
     friction: Vector | None,
     motions: Motions,
 ) -> Iterator[tuple[str, Wrench]]:
-    """What a contact of a joint with such forces, N, does to its bodies but the ground, each by
-    name."""
+    """Yield name and wrench of each body but the ground that a contact acts on.
+
+    **Arguments:** `normal_force`, N; `friction` on the second body, N, or ``None``.
+    """
     first, second = joint.pair()
     if contact.turning is not None:
+        # Backlash about an axis: the contact transmits a moment only.
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
                 yield name, Wrench(ZERO, turning * -normal_force)
@@ -117,13 +126,18 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """The forces of one contact of a joint with such `bristles`.
+    """Return the forces of one contact of a joint.
 
-    If it is said whether the contact is `closed`, an open one has none. That of a closed one whose
-    slope would jump where the surfaces part goes on there: at a depth below zero it pulls by as
-    much as it would push so far above. The stages of a step that ends where the contact does lie
-    on either side, and no step were short enough for the error of its derivatives. Its
-    `entry_speed`, if its law has memory, is positive.
+    **Arguments:**
+
+    - `entry_speed`: m/s, positive; ``None`` if the law does not use one.
+    - `closed`: whether the contact has a force, whatever its depth; ``None``: if it penetrates.
+    - `bristles`: deflections of the joint's contacts, m.
+
+    If `closed` is given and the slope of the force jumps at the wall, a closed contact continues
+    its force past the wall as an odd function: outside it pulls by as much as it pushes at the same
+    depth inside. A step ends where the contact does, so its stages lie on both sides of the wall.
+    With a kink between them, the error estimate of the derivatives would reject every step.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -131,10 +145,10 @@ def contact_force(
             return law.force(gap, entry_speed)
         return contact_normal_force(law, gap, entry_speed)
 
-    normal = _held(normal_force, law, contact.gap, closed)
-    elastic = _held(law.elastic_force, law, contact.gap, closed)
+    normal = _continued(normal_force, law, contact.gap, closed)
+    elastic = _continued(law.elastic_force, law, contact.gap, closed)
     if bristle_law := joint.bristle_laws().get(label):
-        exists = contact.gap.depth + law.reach() > 0.0 if closed is None else closed
+        exists = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
@@ -142,33 +156,42 @@ def contact_force(
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
         return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
+    # Friction laws expect a positive normal force. For the pulling continuation, friction is
+    # computed with its absolute value and reversed, so that it is an odd function as well.
     sense = jnp.where(normal < 0.0, -1.0, 1.0)
     friction = joint.friction_force(label, contact, normal * sense)
     return LoadedContact(contact, normal, elastic, None if friction is None else friction * sense)
 
 
-def _held(
+def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """A force of a law with a gap, N, of a contact that is held open or `closed`, if that is said:
-    past the wall the reflection of that before it."""
+    """Return a force of a law at a gap, N; if `closed` is given, zero for an open contact, and for
+    a closed one past the wall the point reflection of the force before the wall."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():
         return jnp.where(closed, force(gap), 0.0)
-    past = closed & (gap.depth + law.reach() < 0.0)
-    pushing = force(replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.reach(), gap.depth)))
-    at_wall = force(replace(gap, depth=INSIDE - law.reach())) if law.force_jumps else 0.0
+    past = closed & (gap.depth + law.onset_offset() < 0.0)
+    # The wall is at depth = -offset. The mirror image of a depth d about it is -d - 2 offset, and
+    # the reflected force is 2 F(wall) - F(mirror image).
+    pushing = force(
+        replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
+    )
+    at_wall = force(replace(gap, depth=INSIDE - law.onset_offset())) if law.force_jumps else 0.0
     return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
 
 
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Friction on the second body, N, and the rate of the deflection, m/s, in global axes."""
+    """Return friction on the second body, N, and the rate of the deflection, m/s, in global
+    axes."""
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     ratio = law.ratio(deflection, rate, contact.slip)
+    # The normal turns as the contact moves along the wall, so an old deflection has a component
+    # along it. Friction acts in the tangent plane.
     across = ratio - contact.normal * ratio.dot(contact.normal)
     return across * -normal_force, rate
 

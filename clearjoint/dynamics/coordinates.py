@@ -1,8 +1,8 @@
-"""Coordinates: from what is integrated to the motion of each body, and back from accelerations.
+"""Interface of coordinates: integrated variables to motions of bodies, and accelerations back.
 
-Everything else (forces, laws, joints) is written once for bodies. A coordinate system turns its
-variables into `Motion`s, with twists V = H u for its speeds u, and projects the equations of motion
-onto them: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraints J H.
+Forces, laws and joints are written once, for bodies. Coordinates convert their variables into
+`Motion`s, with twists V = H u for the speeds u, and project the equations of motion onto the
+speeds: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraint Jacobians J H.
 """
 
 import abc
@@ -20,12 +20,12 @@ from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 
 MotionVariables: TypeAlias = PyTree
-"""Positions and speeds as coordinates hold them: scalars in a tree of each coordinate system's own.
-Their time derivatives have the same form."""
+"""Positions and speeds of a coordinate system: scalars in a PyTree of its own structure. Their
+time derivatives have the same structure."""
 Wrenches: TypeAlias = dict[str, Wrench]
-"""Wrenches by the name of the body that they act on."""
+"""Wrenches by the name of the body on which they act."""
 Speeds: TypeAlias = list[Scalar]
-"""One scalar a speed of the coordinates: their rates, forces on them, or changes of them."""
+"""One scalar for each speed u of the coordinates: its rate, generalised force, or a change."""
 
 
 @jax.tree_util.register_dataclass
@@ -38,11 +38,11 @@ class BodyAcceleration:
 
 
 class AbstractMechanics(abc.ABC):
-    """The equations of motion at one instant. What is not asked for is not computed.
+    """The equations of motion at one instant; each method computes only what it returns.
 
     `motions`: pose and twist of each body, the ground included.
 
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
     >>> mechanics = system.mechanics(variables)
@@ -54,80 +54,89 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Rates of the speeds under the given wrenches and gravity, without constraints."""
+        """Return the rates of the speeds under wrenches and gravity, without constraints."""
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """H^T times wrenches, or times a row's Jacobian; the ground's is left out."""
+        """Return H^T times wrenches, or times a row's Jacobian; the ground is left out."""
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """The inverse of the mass matrix H^T M H times forces."""
+        """Return the inverse of the mass matrix H^T M H times forces."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """The row's Jacobian times the body accelerations at zero rates: H' u, and gravity where
-        rates are those against free fall."""
+        """Return the row's Jacobian times the accelerations of the bodies at zero rates.
+
+        These are H' u, and gravity if the rates are relative to free fall.
+        """
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Accelerations of the bodies for rates of the speeds."""
+        """Return the accelerations of the bodies for rates of the speeds."""
 
     @abc.abstractmethod
     def variable_rates(self, rates: Speeds) -> MotionVariables:
-        """Time derivative of the variables for rates of the speeds."""
+        """Return the time derivative of the variables for rates of the speeds."""
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """The variables after a small motion along the speeds (m and rad)."""
+        """Return the variables after a small displacement along the speeds (m and rad)."""
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """The variables after changes of the speeds."""
+        """Return the variables after changes of the speeds."""
 
 
 class AbstractCoordinates(eqx.Module):
-    """The variables of integration; ``bodies`` is the dictionary of a `State`, in scalar form.
+    """The integrated variables; ``bodies`` is the dictionary of a `State`, in scalar form.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # is one
     frozenset({'elbow'})
     """
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Names of the ideal joints that hold by the choice of variables: no constraints."""
+        """Return the names of the ideal joints that the choice of variables satisfies.
+
+        The other ideal joints are constraints.
+        """
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
-        """The variables of a state."""
+        """Return the variables of a state."""
 
     @abc.abstractmethod
     def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
-        """The state of the variables."""
+        """Return the state of the variables."""
 
     @abc.abstractmethod
     def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
-        """Pose and twist of each body, the ground included."""
+        """Return pose and twist of each body, the ground included."""
 
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
-        """The equations of motion."""
+        """Return the equations of motion."""
 
     @abc.abstractmethod
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
-        """The same motion in numbers that don't drift in many steps, for the end of each: Euler
-        parameters of unit norm, angles within two turns. Exactly as they are if they are that."""
+        """Return the variables of the same motion, normalised.
+
+        Euler parameters get unit norm, angles are moved to within two turns.
+
+        It is applied at the end of each step, and leaves normalised variables unchanged to the bit.
+        """
 
     @abc.abstractmethod
     def with_speeds(
         self, scene: Scene, variables: MotionVariables, others: MotionVariables
     ) -> MotionVariables:
-        """The variables with the speeds of others; positions stay."""
+        """Return `variables` with the speeds of `others`."""
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Point of the body and point of the ground for each body that has an `Anchor`."""
+    """Return the points of body and ground, m, for each body with an `Anchor`."""
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
@@ -136,18 +145,21 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
     return points
 
 
-def settled_body(body: BodyState) -> BodyState:
-    """The state with Euler parameters of unit norm."""
+def normalised_body(body: BodyState) -> BodyState:
+    """Return the state with Euler parameters of unit norm."""
     return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
 
 
 def body_with_speeds(body: BodyState, other: BodyState) -> BodyState:
-    """The position of one state and the velocities of another."""
+    """Return the position of one state with the velocities of another."""
     return BodyState(body.position, body.orientation, other.velocity, other.spin)
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Motion of a body whose position is its centre of mass's, or its anchor's if it has one."""
+    """Return the motion of a body.
+
+    Its position variable is that of its centre of mass, or of its anchor's point if it has one.
+    """
     rotation = rotation_matrix(body.orientation)
     if anchor is None:
         return Motion(body.position, rotation, body.velocity, body.spin)

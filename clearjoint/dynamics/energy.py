@@ -1,9 +1,9 @@
-"""Energies of a scene, and the powers of its energy ledger.
+"""Energies of a scene, and powers of its energy ledger.
 
-Those that a scene cannot have are left out, and so absent from the compiled program.
+Terms that a scene cannot have are left out, and are then absent from the compiled program.
 """
 
-from ..math.groups import total
+from ..math.groups import sum_
 from ..math.vectors import Scalar, add, is_zero
 from ..model.joints.base import ByLabel
 from ..model.scene import Scene
@@ -14,11 +14,11 @@ from .multipliers import row_rate
 
 
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-    """Powers of the energy ledger in W, dissipated ones positive; only those the scene can have."""
+    """Return the powers of the energy ledger, W; dissipated ones are positive."""
     powers: dict[str, Scalar] = {}
 
     def book(name: str, power: Scalar) -> None:
-        powers[name] = add(powers.get(name, 0.0), total(power))
+        powers[name] = add(powers.get(name, 0.0), sum_(power))
 
     for family in dynamics.contact_forces.values():
         for force in family.values():
@@ -34,6 +34,8 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     for name, family in dynamics.rows.items():
         for label, row in family.items():
             multiplier = dynamics.multipliers[name][label]
+            # Power of the reactions. On the constraint only the prescribed part (time rate)
+            # remains, which the driver supplies; the rest is due to drift and stabilisation.
             book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
             if not is_zero(row.time_rate):
                 book("supplied", -multiplier * row.time_rate)
@@ -43,12 +45,13 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 def bristle_energy(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
 ) -> Scalar | None:
-    """What the bristles of all contacts would give back under their present normal forces, J;
+    """Return the energy stored in the bristles of all contacts at their present normal forces, J;
     ``None`` in a scene without bristle laws.
 
-    The ledger's "friction" has what goes into them too, since it books what friction takes from the
-    motion. The law's stiffness is in proportion to the normal force: where that falls, bristles
-    lose energy that nothing gets back, and where it rises they gain it."""
+    The ledger's "friction" includes this energy, because it books what friction takes from the
+    motion. The stiffness of bristles is proportional to the normal force, so the stored energy also
+    changes with the normal force, without work of the motion.
+    """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
         to_first = motions[scene.contact_joints()[name].pair()[0]]
@@ -56,23 +59,23 @@ def bristle_energy(
             force, deflection = forces[name][label], to_first.direction(bristles[name][label])
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
-            stored.append(total(force.normal_force * law.stored_energy(across)))
+            stored.append(sum_(force.normal_force * law.stored_energy(across)))
     return sum(stored[1:], stored[0]) if stored else None
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-    """Kinetic, gravitational and elastic energies in J; those a scene lacks are left out."""
+    """Return kinetic, gravitational and elastic energies, J, as far as the scene has them."""
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
-        energies["kinetic"] = energies["kinetic"] + total(0.5 * (linear + angular))
+        energies["kinetic"] = energies["kinetic"] + sum_(0.5 * (linear + angular))
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
             height = scene.gravity.dot(motions[name].position)
-            energies["gravity"] = energies["gravity"] - total(body.mass * height)
+            energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
         energies["springs"] = sum(stored[1:], stored[0])
@@ -80,5 +83,5 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():
             stored_energy = laws[label].stored_energy(contact.gap)
-            energies["contacts"] = add(energies.get("contacts", 0.0), total(stored_energy))
+            energies["contacts"] = add(energies.get("contacts", 0.0), sum_(stored_energy))
     return energies

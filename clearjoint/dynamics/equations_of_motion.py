@@ -1,7 +1,7 @@
-"""The equations of motion (eqs 27-32) of a scene, in scalar form.
+"""Equations of motion (eqs 27-32) of a scene, in scalar form.
 
-Everything that a scene lacks is absent from the compiled program: no constraint, no multiplier; no
-friction, no slip; no ledger, no power. That is decided here, in Python, while tracing.
+While tracing, Python omits everything that a scene lacks: without constraints the compiled program
+has no multipliers, without friction no slip, without a ledger no powers.
 """
 
 from dataclasses import dataclass
@@ -27,9 +27,11 @@ from .multipliers import response, row_rate
 
 @dataclass(frozen=True)
 class Dynamics:
-    """All that the equations of motion say at one instant.
+    """Solution of the equations of motion at one instant.
 
-    `rows` and `multipliers` are those of the joints that the coordinates do not eliminate.
+    - `contact_forces`: by joint and contact label.
+    - `rows`, `multipliers`: of the joints that the coordinates do not eliminate.
+    - `rates`: of the speeds of the coordinates.
     """
 
     mechanics: AbstractMechanics
@@ -57,7 +59,10 @@ class Dynamics:
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Wrenches of forces, films and contacts; gravity, an acceleration, is the mechanics' own."""
+    """Return the wrenches of forces, films and contacts on each body.
+
+    Gravity is not among them: the mechanics add it as an acceleration.
+    """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(name: str, wrench: Wrench) -> None:
@@ -83,8 +88,8 @@ def applied_wrenches(
 def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
-    """The constraint equations by joint and label; joints without any are left out, and so are
-    those that the coordinates eliminate."""
+    """Return the constraint rows by joint and label, without the joints that the coordinates
+    eliminate."""
     eliminated = coordinates.eliminated(scene)
     rows = {
         name: joint.rows(motions, t)
@@ -95,7 +100,7 @@ def constraint_rows(
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """The rows in the order of their multipliers."""
+    """Return the rows as a list, in the order of their multipliers."""
     return [row for family in rows.values() for row in family.values()]
 
 
@@ -106,15 +111,15 @@ def solved(
     rows: ByLabel[Row],
     rates: Speeds,
 ) -> Dynamics:
-    """The equations of motion solved: `rates` of the speeds without constraints, and what the
-    `rows` change of them."""
+    """Solve the equations of motion: add the effect of the constraint `rows` to the `rates` of the
+    speeds without constraints."""
     multipliers: ByLabel[Scalar] = {}
     if rows:
         change, in_order = _constraint_response(formulation, mechanics, flattened(rows), rates)
         rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        remaining = iter(in_order)
+        values = iter(in_order)
         multipliers = {
-            name: {label: next(remaining) for label in family} for name, family in rows.items()
+            name: {label: next(values) for label in family} for name, family in rows.items()
         }
     return Dynamics(mechanics, forces, rows, rates, multipliers)
 
@@ -122,8 +127,10 @@ def solved(
 def _constraint_response(
     formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], rates: Speeds
 ) -> tuple[Speeds, list[Scalar]]:
-    """What the constraints change of the rates, and the multipliers."""
+    """Return the change of the rates by the constraints, and the multipliers."""
     directions = [mechanics.projected(row.jacobian) for row in rows]
+    # Second derivative of each row: its target by the stabilisation, minus the part that does not
+    # depend on the rates, minus the part of the unconstrained rates.
     targets = [
         formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
         - add(row.bias, mechanics.bias(row))

@@ -1,4 +1,4 @@
-"""How the equations of motion are set up: the choices that are not the scene's."""
+"""Formulation of the equations of motion: the choices that do not belong to the scene."""
 
 import equinox as eqx
 
@@ -9,10 +9,10 @@ from .stabilisation import AbstractStabilisation, Baumgarte
 
 
 class Formulation(eqx.Module):
-    """How the equations of motion are set up; the choices that are not the scene's.
+    """Coordinates, stabilisation and solver for the equations of motion.
 
     - `redundant`: whether constraints depend on each other, so that multipliers of least norm are
-      sought. `clearjoint.dynamics.constraint_report` finds out.
+      computed; see `clearjoint.constraint_report`.
     - `ledger`: whether the dissipated energies are integrated with the state.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
@@ -26,5 +26,5 @@ class Formulation(eqx.Module):
     ledger: bool = eqx.field(default=False, static=True)
 
     def solver(self) -> AbstractSolver:
-        """The solver for the multipliers."""
+        """Return the linear solver for the multipliers."""
         return LeastNorm() if self.redundant else Exact()

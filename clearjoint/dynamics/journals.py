@@ -1,5 +1,4 @@
-"""Where journals are in their bearings: at the start of a run, what puts them there, and at its
-end."""
+"""Check and correct journal positions at the start and end of a run."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -26,16 +25,17 @@ from .stabilisation import Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""Penetration beyond which `assemble` puts a journal into the middle of its bearing, m."""
+"""m: penetration above which `assemble` centres a journal in its bearing."""
 FAR_OUTSIDE = 1e-2
-"""Penetration at the start, over the deepest that makes sense, beyond which one is warned."""
+"""Penetration at the start, relative to the largest possible one, above which a warning is
+issued."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
-"""Penetration of each contact, m; negative inside."""
+"""Penetration of each contact, m; negative without contact."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
-    """How deep each contact of a state is."""
+    """Return the penetration of each contact of a state, m, by joint and contact."""
     if not scene.contact_joints():
         return {}
     by_joint = contact_depths(scene, state.bodies)
@@ -43,62 +43,75 @@ def depths(scene: Scene, state: State) -> Depths:
 
 
 def outside(scene: Scene, state: State) -> set[str]:
-    """The joints of which a contact penetrates."""
+    """Return the names of the joints with a contact that penetrates by more than `OUTSIDE`."""
     return {name for name, family in depths(scene, state).items() if max(family.values()) > OUTSIDE}
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """The ideal joints that hold journals in the middle, of those joints that know one."""
+    """Return ideal joints that hold the journals of the named joints centred.
+
+    Joints without a centre position are left out.
+    """
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
 
 
-def seating_joints(
+def resting_joints(
     scene: Scene,
-    held: Mapping[str, AbstractConstraint],
+    ideal: Mapping[str, AbstractConstraint],
     names: Collection[str],
     state: State,
     t: Scalar,
 ) -> dict[str, AbstractConstraint]:
-    """The ideal joints that hold journals at the wall, where the bodies at rest press them.
+    """Return ideal joints that hold the named journals at the wall.
 
-    **Arguments:** `held`: ideal joints in the place of joints, the named ones among them; `state`
-    satisfies these.
+    A journal is held on the side to which its load presses it while the bodies are at rest.
+
+    **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
+    `state`: a state that satisfies the ideal joints; `t`: s.
+
+    **Raises:** `ValueError` for a joint without a load across its axis.
     """
-    joints, seating = scene.contact_joints(), {}
-    loads = _loads(with_ideal(scene, held), state.bodies, on_device(t))
+    joints, resting = scene.contact_joints(), {}
+    loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
         first, second = joints[name].pair()
         load = np.asarray(loads[name])
-        joint = joints[name].seated_joint(load)
+        joint = joints[name].resting_joint(load)
         require(
             joint is not None,
-            "seated",
+            "resting",
             name,
             f"a joint in which {second!r} is pressed against {first!r} across the axis",
             f"the load there is {load.tolist()} N; give the scene its gravity, or leave it out",
         )
         assert joint is not None
-        seating[name] = joint
-    return seating
+        resting[name] = joint
+    return resting
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """The scene with ideal joints in the place of its own of the same names."""
+    """Return the scene with joints replaced by the ideal joints of the same names."""
     with quiet():
         return replace(scene, joints={**scene.joints, **ideal})
 
 
 def require_in_bearings(scene: Scene, state: State) -> None:
-    """Check that no contact of an initial state is deeper than its joint can make sense of, and
-    warn of those that are far inside the wall."""
-    for name, family in depths(scene, state).items():
+    """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
+
+    **Raises:** `ValueError` if a contact is deeper than its joint allows (`deepest`). A smaller
+    penetration above `FAR_OUTSIDE` times this limit gives a warning.
+    """
+    for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
+        # A joint may have no limits, and then any penetration is allowed.
         if not limits:
             continue
-        label = max(limits, key=lambda label: family[label] / limits[label])
-        depth, limit = family[label], limits[label]
+        # One message for each joint is enough: on the contact that is deepest relative to its own
+        # limit, since contacts of one joint may have different limits.
+        label = max(limits, key=lambda label: joint_depths[label] / limits[label])
+        depth, limit = joint_depths[label], limits[label]
         where = f"contact {label!r} of joint {name!r}"
         require(
             depth <= limit,
@@ -120,10 +133,10 @@ def require_in_bearings(scene: Scene, state: State) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Warn of journals that have slid out of their bearings, and when that is first seen.
+    """Warn of journals that have slid out of their bearings during a run.
 
-    **Arguments:** `time` s and `final`: where a run ended, and the state there. `kept`: times (N,)
-    s and the states there, with the times in front.
+    **Arguments:** `time`, s, and `final`: the end of the run and the state there; `kept`: pairs of
+    saved times (N,), s, and the states there, with the axis of times first.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
@@ -132,13 +145,13 @@ def warn_of_journals_outside(
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
                 first = int(np.argmax(excess > 0.0))
-                seen = float(times[first]), float(excess[first])
-                departures[name] = min(seen, departures.get(name, seen))
+                departure = float(times[first]), float(excess[first])
+                departures[name] = min(departure, departures.get(name, departure))
     for name, (when, excess) in departures.items():
         caution(
-            f"The journal of joint {name!r} has slid out of its bearing, which nothing hinders: at "
-            f"t = {when:.6g} s it is {excess:.3g} m beyond the end of one as long as itself. "
-            f"{HOLD_IT}",
+            f"The journal of joint {name!r} has slid out of its bearing: nothing holds it axially. "
+            f"At t = {when:.6g} s it is {excess:.3g} m beyond the end of a bearing of its own "
+            f"length. {HOLD_IT}",
             LeftBearingWarning,
         )
 
@@ -146,10 +159,12 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """How far the journals of joints that don't hold them are beyond their bearings, (N,) m.
+    """Return the distance by which a journal has slid beyond its bearing, (N,) m, by joint.
 
-    **Arguments:** joints in scalar form, of numpy numbers or arrays (N,); states of the bodies with
-    the N in front.
+    It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
+
+    **Arguments:** `joints`: in scalar form, of NumPy numbers or arrays (N,); `bodies`: their states
+    with the axis N first.
     """
     motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
@@ -157,7 +172,10 @@ def slid_out(
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
-    """Whether any journal has slid out of its bearing, of scene and bodies in scalar form."""
+    """Return whether any journal has slid out of its bearing.
+
+    **Arguments:** `scene`, `bodies`: in scalar form.
+    """
     motions = {GROUND: GROUND_MOTION}
     for name, body in bodies.items():
         rotation = rotation_matrix(body.orientation)
@@ -168,7 +186,7 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
 
 
 def _motions(body: BodyState) -> Motion:
-    """A body's motion at several times at once, in numpy, so that nothing is compiled for it."""
+    """Return the motion of a body at several times, in NumPy, so that nothing is compiled."""
     parts = (body.position, body.orientation, body.velocity, body.spin)
     columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
     position, velocity, spin = (Vector(*columns[k]) for k in (0, 2, 3))
@@ -181,7 +199,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
 
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
-    """How deep each contact is, m, of a scene and bodies in packed form."""
+    """Return the penetration of each contact, m; scene and bodies in packed form."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
     return {
@@ -192,8 +210,12 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """What the second body of each ideal joint presses the first with while nothing moves yet, N,
-    (3,) in the first body's axes."""
+    """Return the load of each ideal joint while the bodies are at rest.
+
+    A load is the force of the second body on the first, N, (3,) in the first body's axes.
+    """
+    # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
+    # norm makes the reactions unique if constraints are redundant.
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     resting = {
@@ -203,9 +225,10 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     dynamics = system.dynamics_under(system.encode(resting), {}, t)
     loads = {}
     for name, rows in dynamics.rows.items():
-        bodies_of = system.scene.joints[name].body_names()
+        body_names = system.scene.joints[name].body_names()
         load = ZERO
         for label, row in rows.items():
-            load = load - row.jacobian[bodies_of[-1]].force * dynamics.multipliers[name][label]
-        loads[name] = pack(dynamics.motions[bodies_of[0]].components(load))
+            # The Jacobian times the multiplier is the force on a body; its reaction is the load.
+            load = load - row.jacobian[body_names[-1]].force * dynamics.multipliers[name][label]
+        loads[name] = pack(dynamics.motions[body_names[0]].components(load))
     return loads

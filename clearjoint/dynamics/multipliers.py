@@ -1,5 +1,5 @@
-"""Constraint rows and their multipliers: the change of the rates that makes rows take given values
-(eqs 30 and 32), unrolled in scalar form or, for large systems, in arrays."""
+"""Lagrange multipliers of constraint rows (eqs 30 and 32), unrolled in scalar form or, for large
+systems, in arrays."""
 
 from collections.abc import Sequence
 
@@ -19,12 +19,14 @@ def response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """The change M^-1 D^T lambda of the rates with D times it equal to the targets (eqs 30, 32).
+    """Return the change of the rates that changes each row by its target, and the multipliers.
 
-    `directions` are the rows D = J H. Also returns lambda. The same map gives the projections: with
-    speeds or displacements for rates it is the correction of least kinetic energy. A row that is
-    structurally zero, as of a planar loop out of its plane, holds by itself and has no multiplier.
+    The change is M^-1 D^T lambda with D M^-1 D^T lambda = targets, where `directions` are the rows
+    D = J H. Projections use the same map with speeds or displacements instead of rates: it is the
+    smallest correction in the metric of the mass matrix. A row that is structurally zero, such as
+    that of a planar loop normal to its plane, is satisfied identically; its multiplier is zero.
     """
+    # A zero row would make the matrix singular.
     kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
@@ -33,8 +35,8 @@ def response(
     aims = [targets[k] for k in kept]
     weighted = [mechanics.solved(row) for row in rows]
     solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
-    change, own = solve(rows, weighted, aims, solver)
-    for k, multiplier in zip(kept, own, strict=True):
+    change, nonzero = solve(rows, weighted, aims, solver)
+    for k, multiplier in zip(kept, nonzero, strict=True):
         multipliers[k] = multiplier
     return change, multipliers
 
@@ -45,7 +47,8 @@ def _unrolled_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """In scalar form, from the directions and M^-1 times them."""
+    """Return `response` in scalar form; `weighted` are the rows of D M^-1."""
+    # The lower triangle of D M^-1 D^T, which is symmetric.
     schur = [
         [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
     ]
@@ -62,7 +65,7 @@ def _dense_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """The same in arrays, for systems too large to be unrolled."""
+    """Return `response` in arrays, for systems too large to be unrolled."""
     jacobian, inverse = (
         jnp.stack([as_array(row) for row in rows]) for rows in (directions, weighted)
     )
@@ -72,13 +75,13 @@ def _dense_response(
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Scalars as one array (n,) of floats; of numpy, if the numbers are."""
+    """Stack scalars as an array (n,) of floats: of NumPy if the numbers are, else of JAX."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
-    """First derivative of a row's value."""
+    """Return the first time derivative of a row's value."""
     total = row.time_rate
     for name, pair in row.jacobian.items():
         if name != GROUND:

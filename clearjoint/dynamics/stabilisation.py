@@ -1,5 +1,5 @@
-"""What keeps constraints satisfied in spite of the integration's error: Baumgarte's feedback
-(eq. 32), projection at the end of each step, or nothing."""
+"""Stabilisation of constraints against drift by integration error: Baumgarte's feedback (eq. 32),
+projection at the end of each step, or none."""
 
 import abc
 from collections.abc import Callable
@@ -14,12 +14,12 @@ T = TypeVar("T")
 
 
 class AbstractStabilisation(AbstractConverting):
-    """What keeps the constraints satisfied in spite of integration error.
+    """Base class of methods that keep the constraints satisfied in spite of integration error.
 
     ```python
     import clearjoint as cj
 
-    class CriticallyDamped(cj.AbstractStabilisation):
+    class CriticallyDamped(cj.extend.AbstractStabilisation):
         time_constant: float  # s
 
         def target(self, value, rate):
@@ -31,12 +31,12 @@ class AbstractStabilisation(AbstractConverting):
 
     @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """The second derivative that a constraint of given value and rate shall have."""
+        """Return the second derivative to impose on a constraint with a given value and rate."""
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """The variables to go on with after a step; by default those that the step ended with.
+        """Return the corrected variables at the end of a step; by default they are unchanged.
 
-        **Arguments:** `project`: puts positions and velocities of variables onto the constraints.
+        **Arguments:** `project`: projects positions and velocities onto the constraints.
         """
         del project
         return variables
@@ -45,13 +45,13 @@ class AbstractStabilisation(AbstractConverting):
 class Unstabilised(AbstractStabilisation):
     """No stabilisation: the constraints drift with the integration error.
 
-    >>> kept = cj.Unstabilised()
-    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=kept).stabilisation
+    >>> drifting = cj.Unstabilised()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
     Unstabilised()
     """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero: constraints are differentiated twice, and left to themselves."""
+        """Return zero: only the second derivatives of the constraints are satisfied."""
         del value, rate
         return 0.0
 
@@ -59,7 +59,7 @@ class Unstabilised(AbstractStabilisation):
 class Baumgarte(AbstractStabilisation):
     """Feedback -2 alpha rate - beta^2 value (eq. 32; J. Baumgarte 1972).
 
-    The paper prints the first term without its dot. `alpha` and `beta` in 1/s; 5 is usual.
+    `alpha` and `beta` are in 1/s; 5 is usual. In the paper, the dot on the first term is missing.
 
     >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
     >>> print(f"{feedback:.3f}")  # -beta^2 value
@@ -70,23 +70,23 @@ class Baumgarte(AbstractStabilisation):
     beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """-2 alpha rate - beta^2 value."""
+        """Return -2 alpha rate - beta^2 value."""
         return -2.0 * self.alpha * rate - self.beta**2 * value
 
 
 class Projection(AbstractStabilisation):
-    """Positions and velocities at the end of each step are projected onto the constraints.
+    """Projection of positions and velocities onto the constraints at the end of each step.
 
-    >>> kept = cj.Projection()
-    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=kept).stabilisation
+    >>> method = cj.Projection()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=method).stabilisation
     Projection()
     """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Zero: constraints are differentiated twice, and left to themselves."""
+        """Return zero: only the second derivatives of the constraints are satisfied."""
         del value, rate
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """The variables with positions and velocities projected onto the constraints."""
+        """Return the variables with positions and velocities projected onto the constraints."""
         return project(variables)

@@ -1,42 +1,52 @@
-"""A scene ready to compute with: everything that steps, outputs and reports ask of a scene at an
-instant, in one object that is made once, at the entry of each compiled function."""
+"""A scene with the formulation of its equations of motion, evaluated at an instant.
+
+Each compiled function makes one `System` at its entry; steps, outputs and reports use it.
+"""
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import least
+from ..math.groups import min_
 from ..math.vectors import ZERO, Condition, Scalar, is_zero
 from ..model.bodies import BodyState, Motion
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
-from .contact_events import Reach, Reaches, reaches
+from .contact_events import ContactGap, ContactGaps, contact_gaps
 from .contact_forces import (
     NO_BRISTLES,
     Bristles,
     Closed,
+    EntrySpeeds,
     LoadedContact,
-    Memory,
     contact_forces,
 )
-from .coordinates import AbstractMechanics, MotionVariables
+from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
-from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
+from .equations_of_motion import (
+    Dynamics,
+    applied_wrenches,
+    constraint_rows,
+    flattened,
+    solved,
+)
 from .formulation import Formulation
 from .grouping.condensing import whole
 from .grouping.coordinates import grouped
-from .projection import projected_positions, projected_velocities
+from .multipliers import response, row_rate
 
 FARTHEST = 1e-3
-"""m or rad: a joint or driver farther off what it prescribes is not followed. Stabilised
-constraints drift by a thousandth of this at usual tolerances."""
+"""m or rad: largest violation of a constraint before a run stops. Stabilised constraints drift by a
+thousandth of this at usual tolerances."""
 
 
 class Prescribed(NamedTuple):
-    """A constraint's value, m or rad, and its rates while bodies stand still."""
+    """Value of a constraint, m or rad, and its first and second rate while the bodies are at
+    rest."""
 
     value: Scalar
     rate: Scalar
@@ -46,13 +56,14 @@ class Prescribed(NamedTuple):
 class System(eqx.Module):
     """A scene in scalar form and the formulation of its equations of motion.
 
-    Variables are those of the formulation's coordinates. Times are in s, since the system's
-    `origin`; `memory` holds the entry speeds of the contacts, m/s.
+    In the methods, `variables` are those of the formulation's coordinates, times t are in s since
+    `origin`, `entry_speeds` are those of the contacts in m/s.
 
-    `origin`: s, the time at which a clock of its own shows zero, so that long after time zero steps
-    are as short as they have to be; ``None`` for the clock of the scene.
+    `origin`: the scene's time in s at which t is zero; ``None`` if t is the scene's time. Runs that
+    start long after time zero use it: near t = 0 floating-point numbers are dense enough for the
+    shortest steps.
 
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
     >>> list(system.motions(variables))
@@ -65,74 +76,77 @@ class System(eqx.Module):
 
     @staticmethod
     def of(scene: Scene, formulation: Formulation) -> "System":
-        """The system of a scene in scalar form, its alike elements put together.
+        """Return the system of a scene in scalar form, with elements of the same structure grouped.
 
-        States and entry speeds go by the names of groups then; see `clearjoint.math.groups`.
+        States and entry speeds then have the names of groups; see `clearjoint.math.groups`.
         """
         return System(*grouped(scene, formulation))
 
     def with_scene(self, scene: Scene) -> "System":
-        """The system of another scene of the same structure."""
+        """Return the system of another scene of the same structure."""
         return System(scene, self.formulation, self.origin)
 
     def clock(self, t: Scalar) -> Scalar:
-        """The scene's time, s, when the system's own clock shows t."""
+        """Return the scene's time for a time t since `origin`, s."""
         return t if self.origin is None else self.origin + t
 
     def own_time(self, time: Scalar) -> Scalar:
-        """What the system's own clock shows at a time of the scene, s."""
+        """Return the time since `origin` for a time of the scene, s."""
         return time if self.origin is None else time - self.origin
 
     def ungrouped(self) -> Scene:
-        """The scene with each element by itself."""
+        """Return the scene with its groups split into single elements."""
         return whole(self.scene)
 
     def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
-        """The variables of a state in scalar form."""
+        """Return the variables of a state in scalar form."""
         return self.formulation.coordinates.encode(self.scene, bodies)
 
     def decode(self, variables: MotionVariables) -> dict[str, BodyState]:
-        """The state of the variables, in scalar form."""
+        """Return the state of the variables, in scalar form."""
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """The same motion in numbers that don't drift in many steps."""
+        """Return the variables of the same motion, normalised; see `AbstractCoordinates`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
-        """The variables with the speeds of others; positions stay."""
+        """Return `variables` with the speeds of `others`."""
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
     def motions(self, variables: MotionVariables) -> Motions:
-        """Pose and twist of each body, the ground included."""
+        """Return pose and twist of each body, the ground included."""
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """The equations of motion without forces."""
+        """Return the mechanics of the coordinates: the equations of motion before forces."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """The constraint equations that the coordinates leave, by joint and label."""
+        """Return the constraint rows that the coordinates do not eliminate, by joint and label."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
         self,
         variables: MotionVariables,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         t: Scalar,
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> Dynamics:
-        """The equations of motion solved. Only `closed` contacts push, if they are given; otherwise
-        those that penetrate. A scene with bristle laws needs its `bristles`."""
+        """Solve the equations of motion.
+
+        **Arguments:** `closed`: the contacts that have a force; those that penetrate if ``None``.
+        `bristles`: deflections, m, if the scene has bristle laws.
+        """
         mechanics = self.mechanics(variables)
-        forces = contact_forces(self.scene, mechanics.motions, memory, closed, bristles)
+        forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
         return self._solved(mechanics, forces, t)
 
     def dynamics_under(
         self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """The equations of motion solved under given contact forces; none as if none touched."""
+        """Solve the equations of motion under given contact forces; `{}` for none."""
         return self._solved(self.mechanics(variables), forces, t)
 
     def _solved(
@@ -149,75 +163,88 @@ class System(eqx.Module):
     def rates(
         self,
         variables: MotionVariables,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         t: Scalar,
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Time derivatives of the variables, and of the energy ledger's integrals in W."""
-        dynamics = self.dynamics(variables, memory, t, closed, bristles)
+        """Return the time derivatives of the variables, and those of the energy ledger, W."""
+        dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Powers of the energy ledger by name, W; none unless it is kept."""
+        """Return the powers of the energy ledger by name, W; empty if it is not integrated."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
-        """Kinetic, gravitational and elastic energies, J, as far as the scene has them."""
+        """Return kinetic, gravitational and elastic energies, J, as far as the scene has them."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
-    def reaches(self, variables: MotionVariables) -> Reaches:
-        """Depth and rate of each contact from where its force begins, by joint and contact."""
-        return reaches(self.scene, self.motions(variables))
+    def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
+        """Return depth and rate of each contact from the onset of its force, by joint and label."""
+        return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
         self, variables: MotionVariables, variable_rates: MotionVariables
     ) -> ByLabel[Scalar]:
-        """Second time derivatives of the contacts' depths along given rates of the variables,
-        m/s^2."""
+        """Return the second time derivatives of the contacts' depths, m/s^2, for given time
+        derivatives of the variables."""
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
-                lambda reach: reach.rate,
-                self.reaches(variables),
-                is_leaf=lambda node: isinstance(node, Reach),
+                lambda gap: gap.rate,
+                self.contact_gaps(variables),
+                is_leaf=lambda node: isinstance(node, ContactGap),
             )
 
         return jax.jvp(rates, (variables,), (variable_rates,))[1]
 
     def contact_forces(
-        self, variables: MotionVariables, memory: Memory, bristles: Bristles = NO_BRISTLES
+        self,
+        variables: MotionVariables,
+        entry_speeds: EntrySpeeds,
+        bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Geometry and forces of all contacts, by joint and contact."""
-        return contact_forces(self.scene, self.motions(variables), memory, bristles=bristles)
+        """Return geometry and forces of all contacts, by joint and contact label."""
+        return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """The variables with positions, and then velocities, on the constraints."""
+        """Return the variables with positions, then velocities, projected onto the constraints."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """One Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
+        """Do one Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        return (
-            projected_positions(mechanics, rows, self.formulation.solver()) if rows else variables
-        )
+        if not rows:
+            return variables
+        targets = [-row.value for row in rows]
+        return mechanics.after_displacement(self._correction(mechanics, rows, targets))
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """The velocities nearest to the given ones, in the metric of the mass matrix, that satisfy
-        the rate of Phi = 0."""
+        """Return the variables with the velocities nearest to the given ones, in the metric of the
+        mass matrix, for which the rate of Phi is zero."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        solver = self.formulation.solver()
-        return projected_velocities(mechanics, rows, solver) if rows else variables
+        if not rows:
+            return variables
+        targets = [-row_rate(row, mechanics.motions) for row in rows]
+        return mechanics.after_speed_change(self._correction(mechanics, rows, targets))
+
+    def _correction(
+        self, mechanics: AbstractMechanics, rows: Sequence[Row], targets: Sequence[Scalar]
+    ) -> Speeds:
+        """Return the smallest change of positions or speeds that changes rows by their targets."""
+        directions = [mechanics.projected(row.jacobian) for row in rows]
+        return response(mechanics, directions, targets, self.formulation.solver())[0]
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
-        """Whether any constraint is left to project onto."""
+        """Whether the coordinates leave any constraint."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
-        """What each constraint that depends on time has at a time for bodies that stand still."""
+        """Return value and rates of each constraint that depends on time, for bodies at rest."""
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)
             for name, motion in self.motions(variables).items()
@@ -229,9 +256,9 @@ class System(eqx.Module):
             if not is_zero(row.time_rate)
         ]
 
-    def is_apart(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Whether any constraint is off by more than `FARTHEST`, or by a journal's clearance if
-        one is smaller; ``None`` without constraints."""
+    def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
+        """Whether any constraint is violated by more than `FARTHEST`, or by more than the smallest
+        clearance of a journal if that is less; ``None`` without constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)
@@ -240,5 +267,5 @@ class System(eqx.Module):
         for joint in self.scene.contact_joints().values():
             for contact in joint.contacts(motions).values():
                 if contact.gap.clearance is not None:
-                    farthest = jnp.minimum(farthest, least(contact.gap.clearance))
+                    farthest = jnp.minimum(farthest, min_(contact.gap.clearance))
         return functools.reduce(jnp.maximum, values) > farthest

@@ -1,2 +1,2 @@
-"""What every type of the package is built of: fields with units, their conversion to arrays and
-their checks, cautions about unusual numbers, and how types print. Nothing here knows mechanics."""
+"""Fields of the package's types, independent of mechanics: units, conversion to arrays, checks,
+warnings about unusual numbers, and printing."""

@@ -1,4 +1,4 @@
-"""Results that are kept for the same numbers: checking a run anew takes longer than a short run."""
+"""Cache of results by the numbers in PyTrees: checks of a run take longer than a short run."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -11,16 +11,16 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 KEPT = 256
-"""Results of each function that are kept, the latest used."""
+"""Number of results that are cached for each function; the least recently used is removed."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """The function, computed once for arguments of the same classes, static fields and numbers.
+    """Cache the results of a function of PyTrees by classes, static fields and numbers.
 
-    For functions of PyTrees that do nothing beside returning a result that nobody changes, or
-    raising an error, which is raised each time. Numbers that JAX traces are never looked up.
+    The function must have no side effects, and its results must not be changed. Errors are not
+    cached, nor are results for traced numbers.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
@@ -41,7 +41,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
 
 
 def content(leaf: PyTree) -> Hashable:
-    """What makes a leaf another one: type, shape and bytes of an array, else the object itself."""
+    """Return a key of a leaf: type, shape, dtype and bytes of an array, else the object itself."""
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)
         return type(leaf), array.shape, array.dtype, array.tobytes()

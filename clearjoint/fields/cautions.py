@@ -1,4 +1,4 @@
-"""Warnings: of numbers far from what machines have, and of runs that went where a model ends."""
+"""Warnings about unusual numbers, and about runs that leave the range of a model."""
 
 import sys
 import warnings
@@ -11,26 +11,26 @@ import equinox as eqx
 
 _PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
 SILENCE = "To silence this:"
-"""Begins the advice for Python that follows a warning's own sentences."""
+"""Start of the advice on silencing that follows a warning."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
 class UnusualValueWarning(UserWarning):
-    """A number is far from what machines have: its unit may be mistaken.
+    """A number is far from the usual range: its unit may be wrong.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.UnusualValueWarning)``.
 
     >>> import warnings
     >>> with warnings.catch_warnings(record=True) as seen:
     ...     warnings.simplefilter("always")
-    ...     _ = cj.RavnStiffness(207.0, 0.3)  # GPa?
+    ...     _ = cj.laws.RavnStiffness(207.0, 0.3)  # GPa?
     >>> print(str(seen[-1].message)[:66])
     Argument `young_modulus` is 207 Pa, where at least 1e+09 Pa is usu
     """
 
 
 class LeftBearingWarning(UserWarning):
-    """A journal that nothing holds axially has slid out of its bearing.
+    """A journal that is not held axially has slid out of its bearing.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LeftBearingWarning)``.
 
@@ -40,7 +40,7 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """A file says more than a scene has a place for.
+    """A file contains data that a scene cannot represent.
 
     Silence it with
     ``warnings.filterwarnings("ignore", category=clearjoint.NotCarriedOverWarning)``.
@@ -51,7 +51,7 @@ class NotCarriedOverWarning(UserWarning):
 
 
 class PoorFitWarning(UserWarning):
-    """A fit ends far above the noise.
+    """The residual of a fit is far above the noise.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.PoorFitWarning)``.
 
@@ -61,7 +61,7 @@ class PoorFitWarning(UserWarning):
 
 
 class LooseBodyWarning(UserWarning):
-    """A body that nothing holds, or a drive about an axis that nothing holds.
+    """A body, or the axis of a drive, is not held by anything.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
 
@@ -71,13 +71,13 @@ class LooseBodyWarning(UserWarning):
     ...     body = cj.Body(1.0, (1e-3, 1e-3, 1e-3))
     ...     weld = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
     ...     _ = cj.Scene({"arm": body, "ball": body}, {"weld": weld})
-    >>> print(str(seen[-1].message)[:52])
-    No joint and no force holds body 'ball', which flies
+    >>> print(str(seen[-1].message)[:41])
+    No joint and no force acts on body 'ball'
     """
 
 
 class LawRangeWarning(UserWarning):
-    """A contact law is used where it does not hold, or for what it cannot give.
+    """A contact law is used outside of its range, or for a result that it cannot provide.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
 
@@ -87,7 +87,7 @@ class LawRangeWarning(UserWarning):
 
 
 def caution(message: str, category: type[Warning]) -> None:
-    """Warn at the line of the caller outside the package, and tell how not to be warned."""
+    """Warn at the user's line of code, with advice on how to silence the warning."""
     if not warns():
         return
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
@@ -95,13 +95,13 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def warns() -> bool:
-    """Whether a caution would be heard."""
+    """Return whether cautions are issued; not within `quiet`."""
     return not _QUIET.get()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Inside, nothing warns: numbers are looked at again, or many times over."""
+    """Issue no cautions within the context, in which numbers are checked again."""
     token = _QUIET.set(True)
     try:
         yield
@@ -110,8 +110,8 @@ def quiet() -> Iterator[None]:
 
 
 def _level_of_the_user() -> int:
-    """The stack level, for `warnings.warn` in the caller, of the first frame that is neither the
-    package's nor equinox's."""
+    """Return the stack level, for `warnings.warn` in the caller, of the first frame that is neither
+    in this package nor in equinox."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):
         level, frame = level + 1, frame.f_back

@@ -1,8 +1,8 @@
-"""Checks of values with one form of message.
+"""Checks of values, whose messages all have the same form.
 
-Numbers become 64-bit numpy arrays, not JAX arrays: building a scene then starts no JAX backend and
-keeps its digits whatever JAX's precision setting. Checks of values under a JAX transformation can
-raise no error: they pass, unless `conditions_of` collects them as conditions that a run evaluates.
+Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a backend when a
+scene is built, and do not depend on JAX's setting of precision. A check of a traced value cannot
+raise an error: it passes, unless `conditions_of` collects its condition, for a run to evaluate.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -23,23 +23,22 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Characters of a value that messages show."""
+"""Largest number of characters of a value in a message."""
 Path: TypeAlias = tuple[str | int, ...]
-"""Names of fields, and keys of containers, that lead into a tree."""
+"""Path to a part of a tree: names of fields and keys of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""Differences from a shorter number that are not shown, in roundings of double precision."""
+"""Largest difference from a shorter number that is not shown, in units of rounding."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """A float64 numpy array, or the JAX array that was given; also of a list in which JAX traces a
-    number.
+    """Convert a value to a float64 NumPy array; JAX arrays, and lists with traced numbers, become
+    JAX arrays.
 
-    **Arguments:** `argument`, `unit`: what the caller calls the value, and the unit that it is
-    given in, for the error.
+    **Arguments:** `argument`, `unit`: name and unit of the value in the error message.
 
-    **Raises:** `ValueError` for what holds no numbers.
+    **Raises:** `ValueError` if the value does not consist of numbers.
     """
     if isinstance(value, jax.Array):
         return value
@@ -65,14 +64,15 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
 
 
 def concrete(value: object) -> np.ndarray | None:
-    """The value as a numpy array, or ``None`` while JAX traces it."""
+    """Return the value as a NumPy array, or ``None`` if JAX traces it."""
     return None if isinstance(value, Tracer) else np.asarray(value)
 
 
 def as_shown(value: Any) -> Any:
-    """Numbers and arrays of numbers as Python's, to be printed: a number that differs by a few
-    roundings from one of 14 digits, 5e-6 from a unit's or a logarithm's conversion, as that one.
-    Anything else as it is.
+    """Convert numbers and arrays to Python's numbers for printing; other values are unchanged.
+
+    A number that differs by a few roundings from one with 14 digits is replaced by the latter: for
+    instance 5e-6 after the conversion of a unit or a logarithm.
 
     >>> as_shown(np.array([4.999999999999999e-06, 1 / 3]))
     [5e-06, 0.3333333333333333]
@@ -88,11 +88,11 @@ def as_shown(value: Any) -> Any:
 
 
 def checkable(*values: object) -> list[Any] | None:
-    """The values as arrays that a check can compute with; ``None`` if it is to be left out, since
-    JAX traces one of them and nothing collects conditions (see `conditions_of`).
+    """Return the values as arrays for a check, or ``None`` if the check is to be omitted.
 
-    The condition of the check goes to `require` as it is, without `bool`, which JAX's tracers do
-    not have; of two, use ``&`` and ``|``.
+    It is omitted if JAX traces one of the values and conditions are not collected (see
+    `conditions_of`). Pass the condition to `require` without `bool`, which tracers do not support,
+    and combine conditions by ``&`` and ``|``.
 
     >>> numbers = extend.checkable(0.3, 0.1)
     >>> if numbers is not None:
@@ -105,9 +105,9 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """The conditions, (), under which a check of values that JAX traces would raise no error.
+    """Return the conditions, (), under which a check of traced values would raise no error.
 
-    Checks of values that are known raise their errors.
+    Checks of known values raise their errors.
     """
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
@@ -125,9 +125,9 @@ def require(
     expected: str,
     remedy: str,
 ) -> None:
-    """Raise a ``ValueError`` that names argument, value, expectation and remedy.
+    """Check a condition; else raise a ``ValueError`` with argument, value, expectation and remedy.
 
-    A condition that JAX traces raises nothing; `conditions_of` collects it.
+    A traced condition raises no error; `conditions_of` collects it.
 
     >>> extend.require(False, "teeth", 3, "at least 5", "count them")
     Traceback (most recent call last):
@@ -138,12 +138,13 @@ def require(
         if (conditions := _CONDITIONS.get()) is not None:
             conditions.append(condition)
     elif not condition:
-        found = _shown(value)
-        raise ValueError(f"Argument `{argument}` must be {expected}, but is {found}: {remedy}.")
+        raise ValueError(
+            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}."
+        )
 
 
 def _shown(value: object) -> str:
-    """A value in a message, of which no more than `LONGEST` characters are shown."""
+    """Return a value as text of at most `LONGEST` characters."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
@@ -153,7 +154,7 @@ def _shown(value: object) -> str:
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
-    """Check the shape of an array and that its values are finite.
+    """Check that an array has a shape and finite values.
 
     >>> extend.require_shape("inertia", np.eye(3), (3, 3), "give it so")  # else raises
     """
@@ -178,7 +179,7 @@ def require_finite(argument: str, value: object) -> None:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Check a scalar to be finite and positive, or not negative when ``zero`` is allowed.
+    """Check that a scalar is finite and positive, or with ``zero`` that it is not negative.
 
     >>> extend.require_positive("radius", -1.0, "give it in m")
     Traceback (most recent call last):
@@ -193,13 +194,13 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str) -> None:
-    """Check for a whole number of one at least; 2.0 is none, nor is a truth value."""
+    """Check that a value is a positive integer; floats and bools are refused."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value > 0
     require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
 def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check for a dictionary whose keys are texts, none of them empty."""
+    """Check that a value is a dictionary whose keys are non-empty strings."""
     kind = type(given).__name__
     require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
     for name in given:
@@ -208,7 +209,7 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check for a dictionary whose names can be those of arrays in a store's folder."""
+    """Check that a value is a dictionary whose keys can be names of arrays in a store's folder."""
     require_names(argument, given, remedy)
     for name in given:
         fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
@@ -217,17 +218,17 @@ def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> N
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
-    """A dictionary of one's own, of any mapping whose keys `require_names` accepts.
+    """Copy a mapping whose keys `require_names` accepts to a dictionary.
 
-    For classes with an ``__init__`` of their own: JAX, which sorts keys, looks at the arguments of
-    other modules before any check of theirs.
+    For classes with an ``__init__`` method: in other modules JAX sorts the keys before they are
+    checked.
     """
     require_names(argument, given, remedy)
     return dict(given)
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Check a scalar to lie in a closed interval.
+    """Check that a scalar is in a closed interval.
 
     >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
     Traceback (most recent call last):
@@ -244,7 +245,7 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
 def caution_unless(
     condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
 ) -> None:
-    """Warn of a number that is possible, but far from what machines have."""
+    """Warn about a number that is possible but unusual."""
     if not condition:
         caution(
             f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
@@ -253,24 +254,24 @@ def caution_unless(
         )
 
 
-def caution_below(argument: str, value: object, unit: str, least: float, remedy: str) -> None:
-    """`caution_unless` a number is at least so large."""
-    number = concrete(value)
-    if number is not None:
-        expected = f"at least {least:g} {unit}"
-        caution_unless(bool(number >= least), argument, number.item(), unit, expected, remedy)
-
-
 def caution_above(argument: str, value: object, unit: str, most: float, remedy: str) -> None:
-    """`caution_unless` a number is at most so large."""
+    """Warn about a number that is larger than usual."""
+    caution_outside(argument, value, unit, -np.inf, most, remedy)
+
+
+def caution_outside(
+    argument: str, value: object, unit: str, least: float, most: float, remedy: str
+) -> None:
+    """Warn about a number outside of the usual interval."""
     number = concrete(value)
     if number is not None:
-        expected = f"at most {most:g} {unit}"
-        caution_unless(bool(number <= most), argument, number.item(), unit, expected, remedy)
+        at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
+        caution_unless(not number < least, argument, number.item(), unit, at_least, remedy)
+        caution_unless(not number > most, argument, number.item(), unit, at_most, remedy)
 
 
 def require_point(argument: str, value: ArrayLike) -> None:
-    """Check a point or vector of three finite coordinates.
+    """Check that a point or vector has three finite coordinates.
 
     >>> extend.require_point("journal_point", (-0.5, 0, 0))  # raises for other shapes
     """
@@ -278,7 +279,7 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Check a direction: three finite components of which one at least is not zero.
+    """Check that a direction has three finite components, not all zero.
 
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
@@ -298,7 +299,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Check four Euler parameters of unit norm."""
+    """Check that four Euler parameters have unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     if (known := checkable(value)) is not None:
         (parameters,) = known
@@ -312,10 +313,7 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Run every construction check of the modules in a PyTree again, on its present values.
-
-    What was unusual at construction is not warned of again.
-    """
+    """Repeat all checks at construction of the modules in a PyTree, without warnings."""
     with quiet():
         _recheck(tree)
 
@@ -327,12 +325,13 @@ def _recheck(tree: PyTree) -> None:
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
-    """`recheck`, of those modules only that hold a leaf that has changed.
+    """Repeat the checks of modules that contain a changed leaf, without warnings.
 
-    What holds such a module is checked too, but of this package's classes not across a dictionary
-    or a list: its entries are independent.
+    Modules of this package that contain it only through a dictionary or a list are not checked,
+    since the entries of these are independent.
 
-    **Arguments:** `structure`: of the tree, as JAX flattens it; `changed`: for each leaf.
+    **Arguments:** `structure`: structure of the tree, as JAX flattens it; `changed`: whether each
+    leaf has changed.
     """
     with quiet():
         for path in _paths_to_changed(structure, changed):
@@ -342,39 +341,43 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """The conditions, (), under which `recheck_changes` raises no error for traced numbers.
+    """Return the conditions, (), under which `recheck_changes` raises no error for traced numbers.
 
-    ``None`` if a class from outside of this package has to check them, which may need known ones.
+    Returns ``None`` if a class from outside of this package checks them, which may need known
+    numbers.
     """
     for path in _paths_to_changed(structure, changed):
-        if not _is_own(reduce(_child, path, tree)):
+        if not is_of_package(reduce(_child, path, tree)):
             return None
     return conditions_of(lambda: recheck_changes(tree, structure, changed))
 
 
-def _is_own(module: eqx.Module) -> bool:
-    """Whether the class of a module is one of this package's."""
+def is_of_package(module: eqx.Module) -> bool:
+    """Return whether the class of a module belongs to this package."""
     return type(module).__module__.split(".")[0] == __name__.split(".")[0]
 
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Where the modules are that hold changed leaves, those inside of others first."""
+    """Return the paths of modules with changed leaves, inner modules first."""
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Whether any leaf here has changed: not across a container, and at all."""
+        """Return whether a leaf has changed: outside of inner containers, and anywhere."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
-            found = [collect(getattr(tree, name), (*path, name)) for name in names]
-            near, anywhere = (any(which) for which in zip(*found, strict=True)) if found else NONE
-            if near or (anywhere and not _is_own(tree)):
+            changes = [collect(getattr(tree, name), (*path, name)) for name in names]
+            near, anywhere = (
+                (any(which) for which in zip(*changes, strict=True)) if changes else NONE
+            )
+            # The checks of a user-defined class may read the entries of its dictionaries and lists.
+            if near or (anywhere and not is_of_package(tree)):
                 paths.append(path)
             return near, anywhere
         if isinstance(tree, dict | list | tuple):
             keys = list(tree) if isinstance(tree, dict) else range(len(tree))
-            found = [collect(tree[key], (*path, key)) for key in keys]
-            return False, any(anywhere for _, anywhere in found)
+            changes = [collect(tree[key], (*path, key)) for key in keys]
+            return False, any(anywhere for _, anywhere in changes)
         return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())
@@ -396,8 +399,8 @@ def _check_here(tree: PyTree) -> None:
 
 
 def _check_by(check: Callable[[PyTree], None], tree: PyTree) -> None:
-    """Run a check. One of a class outside of the package may need known values; it is left out
-    where JAX traces them."""
+    """Run a check; a check of a user-defined class that needs known values is omitted for traced
+    ones."""
     try:
         check(tree)
     except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):

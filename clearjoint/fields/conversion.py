@@ -1,4 +1,5 @@
-"""Modules whose fields convert themselves, so that a class of one's own needs only annotations."""
+"""Modules that convert the values of their fields, so that user-defined classes need only
+annotations."""
 
 import inspect
 from collections.abc import Callable
@@ -14,26 +15,26 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from .checks import as_number
+from .checks import as_number, is_of_package
 from .readable import AbstractReadable
 from .types import ArrayLike
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of what can't be a number: such fields are static."""
+"""Annotations of fields without numbers, which are static."""
 
 
 class AbstractConverting(AbstractReadable):
-    """A PyTree that takes plain numbers, and stores arrays.
+    """A PyTree that accepts Python's numbers and stores arrays.
 
-    A field that a subclass merely annotates becomes
+    A field of a subclass that has only an annotation is
 
-    - static if it is annotated as `str` or `bool`: the name of a body, say;
-    - else a 64-bit array, or several, of the numbers, tuples and lists that it is given. No number
-      is then part of the program: another value compiles nothing anew.
+    - static if it is annotated as `str` or `bool`, as for the name of a body;
+    - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays. A change of a
+      number then does not compile again.
 
-    `clearjoint.quantity("N m")` in its place also declares unit, shape and range, and with
-    ``table=True`` that it is a table, which stays an array. A number that the program's form
-    depends on, such as how often something is repeated, and a function are declared with
+    `clearjoint.extend.quantity("N m")` additionally declares unit, shape and range, and with
+    ``table=True`` a table, which stays an array. Functions, and numbers that determine the
+    structure of a program, such as a number of repetitions, are declared by
     ``equinox.field(static=True)``.
     """
 
@@ -45,14 +46,14 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """What turns the value given to a field into the one stored, where the field does not tell
-        by itself."""
+        """Return the function that converts a given value to the stored one, for a field without a
+        converter."""
         del name
         return as_numbers
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """The value with its Python numbers, and tuples and lists of them, as 64-bit arrays."""
+    """Convert Python numbers, and tuples and lists of them, in a value to 64-bit arrays."""
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
         return as_number(value)
     if isinstance(value, dict):
@@ -68,13 +69,14 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """The tree with its numbers as arrays of 64-bit floats, whatever types they were put in as.
+    """Convert all numbers in a tree to arrays of 64-bit floats.
 
-    A Python number that `equinox.tree_at` puts into a scene would be part of the program, which
-    then is compiled anew for each value. Numbers that JAX traces stay, and so do those in modules
-    of other packages which convert none: they may be there to be part of the program.
+    A Python number that was put into a scene by `equinox.tree_at` would be part of the program,
+    which would be compiled for each value. Traced numbers are not converted, nor numbers in modules
+    of other packages without converters, which may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
+    # The usual case, before every run.
     if all(map(_is_float_array, leaves)):
         return tree
     numbers = _number_fields(structure)
@@ -101,16 +103,16 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Which leaves are in fields for numbers: all of this package's modules, and of others those
-    with a converter."""
+    """Return the indices of leaves in numeric fields: all fields of this package's modules, and
+    those with a converter in other modules."""
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
-            own = type(node).__module__.split(".")[0] == __name__.split(".")[0]
+            ours = is_of_package(node)
             for field in fields(node):
                 if not field.metadata.get("static", False):
-                    visit(getattr(node, field.name), own or "converter" in field.metadata)
+                    visit(getattr(node, field.name), ours or "converter" in field.metadata)
         elif isinstance(node, dict | list | tuple):
             for part in node.values() if isinstance(node, dict) else node:
                 visit(part, is_number)
@@ -122,8 +124,8 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """The value as an array of JAX, for which nothing is compiled: `jax.numpy.asarray` makes a
-    small program for each shape of Python's and numpy's numbers."""
+    """Convert a value to a JAX array by NumPy, since `jax.numpy.asarray` alone compiles a small
+    program for each shape of Python's and NumPy's numbers."""
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 
@@ -138,15 +140,14 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """The field as its class declares it, with a converter unless that says what it is."""
+    """Return the field of a class, made static or with a converter unless it is declared so."""
     given = cls.__dict__.get(name)
-    field = given if isinstance(given, Field) else _plain_field(cls, name)
+    if isinstance(given, Field):
+        field = given
+    else:
+        field = eqx.field(default=given) if name in cls.__dict__ else eqx.field()
     if "converter" in field.metadata or field.metadata.get("static", False):
         return field
     added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}
     field.metadata = MappingProxyType({**field.metadata, **added})
     return field
-
-
-def _plain_field(cls: type[AbstractConverting], name: str) -> Field:
-    return eqx.field(default=cls.__dict__[name]) if name in cls.__dict__ else eqx.field()

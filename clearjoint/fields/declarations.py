@@ -1,4 +1,4 @@
-"""Fields that declare what they hold: unit, shape, sign and range, checked at construction."""
+"""Declarations of fields: unit, shape, sign and range, which are checked at construction."""
 
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields
@@ -12,8 +12,7 @@ import numpy as np
 
 from .checks import (
     as_number,
-    caution_above,
-    caution_below,
+    caution_outside,
     require_positive,
     require_range,
     require_shape,
@@ -21,13 +20,13 @@ from .checks import (
 from .types import ArrayLike
 
 Check = Callable[[str, ArrayLike], None]
-"""Raises a ``ValueError`` for a field's name and a value that it can't have."""
+"""Function of a field's name and value that raises a ``ValueError`` for an invalid value."""
 _COUNTS = {(): "a single number", (3,): "three components", (4,): "four components"}
 
 
 @dataclass(frozen=True)
 class Declaration:
-    """What a field may hold. `quantity` explains the attributes."""
+    """Allowed values of a field. `quantity` explains the attributes."""
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -39,7 +38,7 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Raise a ``ValueError`` if the field can't have the value; warn if few machines have."""
+        """Raise a ``ValueError`` for an invalid value, and warn about an unusual one."""
         if self.check is not None:
             self.check(name, value)
         if self.shape is not None:
@@ -51,9 +50,7 @@ class Declaration:
         if self.within is not None:
             require_range(name, value, *self.within, remedy)
         if self.usual is not None:
-            least, most = self.usual
-            caution_below(name, value, self.unit, least, remedy)
-            caution_above(name, value, self.unit, most, remedy)
+            caution_outside(name, value, self.unit, *self.usual, remedy)
 
 
 def quantity(
@@ -69,26 +66,27 @@ def quantity(
     table: bool = False,
     **options: Any,
 ) -> Any:
-    """A field that holds a number or an array in the given SI unit ("1" if it has none).
+    """Declare a field with a number or an array in the given SI unit ("1" without a unit).
 
-    What it declares is checked whenever an object is made, and again before runs; values that JAX
-    traces are checked by their shape alone.
+    The declaration is checked when an object is made and again before runs. Of values that JAX
+    traces, only the shape is checked.
 
     **Arguments:**
 
-    - `shape`: (), (3,) or (4,), with finite components; anything unless given.
-    - `positive`: whether it is a positive number; with `zero`, it may be zero too.
-    - `within`: the closed interval that it must be in.
-    - `usual`: least and most that machines have, in the unit; outside, an `UnusualValueWarning`.
+    - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
+    - `positive`: whether the number must be positive; with `zero`, it may be zero too.
+    - `within`: closed interval of allowed values.
+    - `usual`: smallest and largest usual value, in the unit; other values give an
+      `UnusualValueWarning`.
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
-    - `remedy`: what the messages tell to do; to give it in its unit, unless given.
-    - `table`: whether it stays an array wherever the element computes, of whatever length, as
-      `jax.numpy.interp` needs it; else three numbers are a `Vector` there.
-    - `options`: of `equinox.field`, such as its `default`.
+    - `remedy`: advice in error messages; the default is to give the value in its unit.
+    - `table`: whether the value stays an array of any length where the element computes, as
+      `jax.numpy.interp` needs it; otherwise three numbers become a `Vector` there.
+    - `options`: options of `equinox.field`, such as `default`.
 
-    >>> class Blade(cj.AbstractFriction):
-    ...     coefficient: float = cj.quantity("1", positive=True, zero=True)
+    >>> class Blade(extend.AbstractFriction):
+    ...     coefficient: float = extend.quantity("1", positive=True, zero=True)
     ...     def ratio(self, slip_speed):
     ...         return self.coefficient * jnp.tanh(slip_speed / 1e-3)
     >>> Blade(0.1)
@@ -100,9 +98,9 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """A `quantity` that may be ``None``: absent, and then without cost.
+    """Declare a `quantity` that may be ``None``, and is then not computed.
 
-    >>> class Damper(cj.AbstractForce):
+    >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
     ...     def body_names(self):
     ...         return ()
@@ -121,19 +119,18 @@ def _as_optional_number(
 
 
 def name_conversions(cls: type) -> None:
-    """Have the errors of a class's own `quantity` fields that are given no numbers name the
-    field."""
+    """Make the errors of a class's `quantity` fields name the field if a value is no number."""
     for name, field in list(vars(cls).items()):
-        own = field.metadata.get("converter") if isinstance(field, Field) else None
-        if own is not None and own in (as_number, _as_optional_number):
-            named = partial(own, argument=name, unit=field.metadata["unit"])
+        converter = field.metadata.get("converter") if isinstance(field, Field) else None
+        if converter is not None and converter in (as_number, _as_optional_number):
+            named = partial(converter, argument=name, unit=field.metadata["unit"])
             field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
 
 def check_declared(module: eqx.Module) -> None:
-    """Check each field against what it declares, one by one.
+    """Check each field against its declaration.
 
-    **Raises:** `ValueError` that names the field, its value, what it must be, and a remedy.
+    **Raises:** `ValueError` that names the field, its value, the expected values and a remedy.
     """
     for name, declared in _declarations(type(module)):
         if (value := getattr(module, name)) is not None:
@@ -142,5 +139,5 @@ def check_declared(module: eqx.Module) -> None:
 
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
-    """What the fields of a class declare, by their names, of those that declare anything."""
+    """Return names and declarations of the fields of a class that have a declaration."""
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]

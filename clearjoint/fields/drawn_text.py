@@ -1,23 +1,23 @@
-"""Names and texts as matplotlib is to draw them."""
+"""Names and texts in the form in which matplotlib draws them."""
 
 from textwrap import fill
 
 LONGEST_NAME = 40
-"""Characters of a name that labels show."""
+"""Largest number of characters of a name in a label."""
 WIDEST_LABEL = 44
-"""Characters from which on a label of an axis is broken into lines."""
+"""Number of characters up to which the label of an axis is one line."""
 
 
 def literal(text: str) -> str:
-    """A text for matplotlib to draw as it is: dollar signs do not enclose mathematics."""
+    """Escape dollar signs, between which matplotlib would draw mathematics."""
     return text.replace("$", r"\$")
 
 
 def shown(name: str, longest: int = LONGEST_NAME) -> str:
-    """A name for matplotlib to draw as it is, in one line, of at most so many characters.
+    """Return a name as one line of at most `longest` characters, for matplotlib.
 
-    Long names keep their begin and their end, by which names of parts differ most often. Legends
-    leave out labels that begin with an underscore, so such a name begins with a space of no width.
+    Long names keep their start and their end, in which names of parts differ most often. Legends
+    omit labels that begin with an underscore, so these names get a space of no width in front.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -27,7 +27,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """The label of an axis in lines of about equal lengths that fit beside it."""
+    """Break the label of an axis into lines of about equal length that fit beside it."""
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label

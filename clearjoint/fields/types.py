@@ -1,9 +1,8 @@
-"""Types of what fields hold: by name, with the shape.
+"""Types of the numbers in fields, by name and shape.
 
-A field has two forms, of which the second is never seen outside a compiled program: one number is
-an array of shape (), three are an array of shape (3,), and a `Vector` where elements compute, four
-are `EulerParameters` there. Both forms go by the name of the first, and `Any` stands for them. What
-is given for a field becomes its first form when an element is made.
+A field stores arrays: of shape () for one number, (3,) for three and (4,) for four. Inside of
+compiled programs, where elements compute, an array of shape (3,) is a `Vector` and one of shape
+(4,) is `EulerParameters`. The types below are used for both forms; so they are based on `Any`.
 """
 
 from typing import Any, TypeAlias
@@ -13,8 +12,8 @@ from jaxtyping import Float
 from typing_extensions import TypeAliasType
 
 ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
-"""A number, a sequence of numbers or an array. Signatures show it by its name, and not by the
-definition of numpy's."""
+"""A number, a sequence of numbers or an array. Signatures show this name instead of the definition
+in NumPy."""
 
 Single: TypeAlias = Float[Any, ""]
 """One number."""
@@ -23,13 +22,13 @@ Triple: TypeAlias = Float[Any, "3"]
 Square: TypeAlias = Float[Any, "3 3"]
 """A matrix, by rows."""
 Column: TypeAlias = Float[Any, " N"]
-"""A row of numbers of a table, which stays an array."""
+"""One number for each row of a table, which stays an array."""
 TableRows: TypeAlias = Float[Any, " N *components"]
-"""A number, or several, in each row of a table, which stays an array."""
+"""One or several numbers for each row of a table, which stays an array."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, the scalar part first."""
 
 TripleLike: TypeAlias = ArrayLike
-"""Three numbers as they are given: any sequence or array of shape (3,). The element checks it."""
+"""Three numbers as given by the user: any sequence or array of shape (3,), which is checked."""
 QuadrupleLike: TypeAlias = ArrayLike
-"""Four Euler parameters as they are given, the scalar part first."""
+"""Four Euler parameters as given by the user, the scalar part first."""

@@ -1,1 +1,1 @@
-"""Parameters from measurements: least squares, starts, confidence, reports."""
+"""Estimation of parameters from measurements: least squares, starts, confidence, reports."""

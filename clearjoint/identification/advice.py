@@ -1,4 +1,4 @@
-"""What to try, in order, when a fit ends far above the noise."""
+"""Advice for a fit whose residuals are far above the noise."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.variations import SeriesDelay, StateNumber
@@ -16,25 +16,25 @@ from .levenberg_marquardt import Ending
 from .searches import Search
 
 FAR = 2.0
-"""Residuals over the stated noise from which a fit is far above it."""
+"""Ratio of residuals to stated noise above which a fit is far above the noise."""
 GOOD = 1.5
-"""Likewise, up to which a series is fitted."""
+"""Ratio of residuals to stated noise up to which a series is well fitted."""
 PIECES = 20
-"""Pieces of the record in which one looks for where the run leaves the data."""
+"""Number of pieces of the record, to find the piece where the run departs from the data."""
 MOST = 0.5
-"""Share of chi squared that one cause explains."""
+"""Share of chi squared above which one cause counts as the main cause."""
 FEW = 0.02
-"""Share of the samples that are few."""
+"""Share of the samples that may be outliers."""
 UNCORRELATED = 1e-3
-"""Probability of so much autocorrelation below which residuals are not white."""
+"""p-value of the test of whiteness below which residuals are not white."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fit leaves unexplained.
+    """Results of a fit from which advice follows.
 
     - `predictions`, `residuals`: (N,) of each series, by name; residuals in standard deviations.
-    - `scatter`: residuals over the stated noise, root mean square.
+    - `scatter`: root mean square of the residuals over the stated noise.
     """
 
     measurements: Measurements
@@ -45,17 +45,19 @@ class Evidence:
     best: Search
     scatter: float
     screened: bool
-    horizon: Horizon | None
+    horizon: FitHorizon | None
 
     def advice(self) -> list[str]:
-        """Sentences on what to try, the cheapest and likeliest first; none for a fit that ends
-        near the noise."""
+        """Return sentences on remedies, the cheapest and most likely first.
+
+        The list is empty for a fit whose residuals are about as large as the noise.
+        """
         if not self.scatter > FAR and self.best.ending is not Ending.FAILED:
             return []
         parts = (
             self._white(),
-            self._alone(),
-            self._late(),
+            self._single_series(),
+            self._delayed(),
             self._outliers(),
             self._window(),
             self._horizon(),
@@ -66,32 +68,35 @@ class Evidence:
         return [sentence for sentence in parts if sentence is not None]
 
     def _white(self) -> str | None:
-        """The noise itself, where nothing but noise is left."""
-        tested = [statistics.whiteness(row) for row in self.residuals.values()]
-        if any(not p > UNCORRELATED for p in tested):
+        p_values = [statistics.whiteness(row) for row in self.residuals.values()]
+        if any(not p > UNCORRELATED for p in p_values):
             return None
         return (
-            f"Residuals are white: state {self.scatter:.3g} times the noise, if the sensors may "
-            "have it."
+            "Residuals are white: the model fits, and the noise may be understated. If the sensors "
+            f"can be that noisy, state a noise {self.scatter:.3g} times as large."
         )
 
-    def _alone(self) -> str | None:
-        """One series that does not fit, between others that do."""
+    def _single_series(self) -> str | None:
         sizes = {name: _rms(row) for name, row in self.residuals.items()}
         worst = max(sizes, key=lambda name: sizes[name])
         others = [size for name, size in sizes.items() if name != worst]
         if not others or max(others) > GOOD:
             return None
         return (
-            f"Only series {worst!r} is off, {sizes[worst]:.3g} times its noise: check its unit, "
-            "sign, axes and noise, and where the sensor is."
+            f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
+            "noise. Check its unit, sign, axes and noise, and the position of the sensor."
         )
 
-    def _late(self) -> str | None:
-        """A shift in time that explains most of a series' misfit."""
+    def _delayed(self) -> str | None:
+        variations = [parameter.variation for parameter in self.parameters.values()]
+        estimated = {
+            name for one in variations if isinstance(one, SeriesDelay) for name in one.series
+        }
         for name, series in self.measurements.series.items():
             if len(series) < PIECES:
                 continue
+            # A small delay adds delay * rate to the residuals. Least squares gives the delay that
+            # explains most of them.
             rate = np.gradient(self.predictions[name], np.asarray(series.times))
             rate = rate / np.asarray(series.noise)
             row = self.residuals[name]
@@ -99,26 +104,19 @@ class Evidence:
             shift = float(row @ rate) / power if power > 0.0 else 0.0
             explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
             if explained > MOST and _rms(row) > FAR:
-                when = "late" if shift > 0.0 else "early"
+                direction = "late" if shift > 0.0 else "early"
                 remedy = (
-                    "let its delay start from another guess"
-                    if name in self._delayed
-                    else f"estimate it, by a parameter cj.Parameter.delay({name!r})"
+                    "start its delay from another guess"
+                    if name in estimated
+                    else f"estimate its delay, by a parameter cj.Parameter.delay({name!r})"
                 )
                 return (
-                    f"Series {name!r} looks {abs(shift):.3g} s {when}, which would explain "
+                    f"Series {name!r} seems {abs(shift):.3g} s {direction}, which would explain "
                     f"{explained:.0%} of its misfit: check its clock and its trigger, or {remedy}."
                 )
         return None
 
-    @property
-    def _delayed(self) -> set[str]:
-        """Series whose delay is among the parameters."""
-        kinds = [parameter.variation for parameter in self.parameters.values()]
-        return {name for kind in kinds if isinstance(kind, SeriesDelay) for name in kind.series}
-
     def _outliers(self) -> str | None:
-        """A few samples that make most of chi squared."""
         rows = np.concatenate(list(self.residuals.values())) ** 2
         count = max(int(FEW * len(rows)), 1)
         largest = np.sort(rows)[::-1][:count]
@@ -127,34 +125,36 @@ class Evidence:
         name, worst = max(self.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
         time = float(self.measurements[name].times[np.argmax(np.abs(worst))])
         return (
-            f"{count} of {len(rows)} samples make {largest.sum() / rows.sum():.0%} of chi squared, "
-            f"the worst at {time:.6g} s in {name!r}: leave outliers out, or give those samples "
-            "more noise; peaks of impacts move in time before anything else."
+            f"{count} of {len(rows)} samples contribute {largest.sum() / rows.sum():.0%} of chi "
+            f"squared, the worst at {time:.6g} s in {name!r}: remove outliers, or state a larger "
+            "noise for these samples. Times of impact peaks are the first to deviate."
         )
 
     def _window(self) -> str | None:
-        """Windows that grow from what is fitted."""
         start, until = self._fitted_until()
         end = float(self.measurements.times()[-1])
         if until is None:
             first = start + (end - start) / PIECES
             return (
-                f"The run is off from the first samples on: fit up to {first:.4g} s alone, by "
-                f"measurements.between({start:.4g}, {first:.4g}). If that fails too, the scene, "
-                "the initial state or a unit is wrong, and not a parameter's value."
+                "The run deviates from the data from the first samples on: fit only the data up to "
+                f"{first:.4g} s, by measurements.between({start:.4g}, {first:.4g}). If that fails "
+                "too, the scene, the initial state or a unit is wrong, not the value of a "
+                "parameter."
             )
         if until >= end:
             return None
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
-        words = ", ".join(f"{one:.4g}" for one in ends)
+        grow = ", ".join(f"{one:.4g}" for one in ends)
         return (
-            f"The run follows the data up to {until:.4g} s and leaves them after: let the record "
-            f"grow, by identify(..., grow=({words}))."
+            f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
+            f"windows of the record, by identify(..., grow=({grow}))."
         )
 
     def _fitted_until(self) -> tuple[float, float | None]:
-        """The first sample's time, and the time, s, up to which residuals are about the noise;
-        ``None`` if they nowhere are."""
+        """Return the time of the first sample and the time up to which the run fits the data, s.
+
+        The second time is ``None`` if even the first piece of the record does not fit.
+        """
         times = np.concatenate([np.asarray(s.times) for s in self.measurements.series.values()])
         rows = np.concatenate([self.residuals[name] for name in self.measurements.series])
         edges = np.linspace(times.min(), times.max(), PIECES + 1)
@@ -165,54 +165,50 @@ class Evidence:
         return float(edges[0]), float(edges[-1])
 
     def _horizon(self) -> str | None:
-        """How long a record one run can fit."""
         end = float(self.measurements.times()[-1])
         if self.horizon is None:
             return (
-                "Ask cj.horizon(scene, state, parameters, measurements, uncertainty=...) how long "
-                "a record a single run can fit."
+                "Compute the longest record that a single run can fit, by "
+                "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
             )
         if end > self.horizon.single_shot:
             return (
-                f"The record ends at {end:.4g} s, and a single run can fit "
-                f"{self.horizon.single_shot:.4g} s: cut it there, or fit "
-                "windows that grow from there: grow=[...]."
+                f"The record ends at {end:.4g} s, but a single run can fit only "
+                f"{self.horizon.single_shot:.4g} s: shorten the record, or fit windows that grow "
+                "from this time, by grow=[...]."
             )
         return None
 
     def _starts(self) -> str | None:
-        """More starts, or fewer minima."""
         if len(self.searches) == 1 and not self.screened:
             return (
-                "Search from several starts, by starts=cj.Starts(8); if impacts leave no slope to "
-                "follow, by starts=cj.Screening(...)."
+                "Search from several starts, by starts=cj.Starts(8). If impacts make chi squared "
+                "rough, screen starts without derivatives, by starts=cj.Screening(...)."
             )
         sizes = [search.best.chi_squared for search in self.searches]
         return (
             f"The {len(sizes)} searches ended at chi squared from {min(sizes):.3g} to "
             f"{max(sizes):.3g}: "
             + (
-                "all in one minimum, so that the model lacks something."
+                "all in one minimum. The model probably lacks an effect."
                 if max(sizes) < 1.01 * min(sizes)
-                else "in several minima; take more starts, or a wider spread."
+                else "in several minima. Use more starts, or a wider spread."
             )
         )
 
     def _iterations(self) -> str | None:
-        """More runs for a search that had not ended."""
         if self.best.ending is not Ending.EXHAUSTED:
             return None
         number = self.best.evaluations
-        return f"The search was still going on after {number} runs: allow more by max_iterations."
+        return f"The search had not converged after {number} runs: increase max_iterations."
 
     def _initial_state(self) -> str | None:
-        """Numbers of the initial state among the parameters."""
-        kinds = [parameter.variation for parameter in self.parameters.values()]
-        if any(isinstance(kind, StateNumber) for kind in kinds):
+        variations = [parameter.variation for parameter in self.parameters.values()]
+        if any(isinstance(one, StateNumber) for one in variations):
             return None
         return (
-            "Estimate the initial state too, if it is not known to the noise: "
-            'cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]), say.'
+            "Estimate the initial state too, unless it is known more accurately than the noise, "
+            'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
         )
 
 

@@ -1,10 +1,10 @@
-"""Test of a fit's covariance by runs around the estimates, and intervals from runs where it fails.
+"""Test of a fit's covariance by runs around the estimates, and intervals by runs where it fails.
 
-After many impacts chi squared may be rough on the scale of its own error bars: a search converges
-in one of several minima close together, and the covariance there describes that minimum alone. So
-some ten runs for each parameter compare chi squared with what the covariance predicts. Where they
-differ, many runs without derivatives, side by side, and local searches from the lowest of them
-explore the surroundings (`clearjoint.identification.likelihood`).
+After many impacts chi squared may be rough on the scale of the standard errors: the search
+converges in one of several minima close together, and the covariance describes only that minimum.
+Therefore about ten runs for each parameter compare chi squared with the prediction of the
+covariance. Where they differ, many runs without derivatives, and local searches from the lowest of
+them, explore the neighbourhood (`clearjoint.identification.likelihood`).
 """
 
 import math
@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from ..parametrisation.parameter import Parameter
+from ..parametrisation.parameter import Parameter, step_limits
 from . import goodness_of_fit as statistics
 from . import likelihood
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
@@ -25,29 +25,30 @@ from .screening.misfit_curves import SideBySide
 from .searches import Search, WindowSearch
 
 ROUNDS = 6
-"""Rounds of drawing points, at most."""
+"""Maximum number of rounds in which points are drawn."""
 STEPS_DOWN = 15
-"""Runs of a local search, at most."""
+"""Maximum number of runs of a local search."""
 NEAR, NEAREST = 0.03, 1e-3
-"""Gauss-Newton step, in standard errors, at which a local search ends, and at which the search ends
-that the fit moves to."""
+"""Gauss-Newton step, in standard errors, at which a local search ends, and at which the final
+search in the lowest minimum ends."""
 FARTHEST = 100.0
-"""Distance, in standard errors, to which the surroundings are explored."""
+"""Distance, in standard errors, up to which the neighbourhood is explored."""
 
 
 @dataclass(frozen=True)
 class LikelihoodCheck:
-    """Runs around the estimates of a fit, which test whether chi squared rises as the covariance
-    predicts, and explore it where it does not.
+    """Result of runs around the estimates of a fit.
+
+    The runs test whether chi squared rises as the covariance predicts. If not, more runs explore
+    chi squared around the estimates.
 
     - `test`: the rise of chi squared at points up to four standard errors away, predicted and
-      found, and the time up to which they agree.
-    - `exploration`: further points and minima with their chi squared, ``None`` where the test
-      passed.
+      actual, and the time up to which they agree.
+    - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
-    - `runs`: number of runs, with and without derivatives; `seconds`: what all of it took.
-    - `difference`: of chi squared at the estimates, between the two kinds of runs. More than about
-      one means that errors of the integration exceed the noise.
+    - `runs`: number of runs, with and without derivatives; `seconds`: time of all runs, s.
+    - `difference`: difference of chi squared at the estimates between runs with and without
+      derivatives. A value above 1 means that integration errors exceed the noise.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -71,13 +72,14 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """Time, s, of the first sample from which on chi squared is not as the covariance predicts;
-        infinite if it is to the end."""
+        """Time, s, from which on chi squared disagrees with the covariance; or infinity."""
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """By what factor the intervals of the exploration differ from those by the covariance of a
-        fit's best run: the largest of all parameters' lower and upper halves, and their inverses.
+        """Return the largest ratio between intervals of the exploration and of the covariance.
+
+        Lower and upper halves of the intervals of all parameters are compared; ratios below 1 are
+        inverted. `best` is the best run of the fit.
         """
         assert self.exploration is not None
         half = math.sqrt(likelihood.RISE) * np.sqrt(
@@ -94,12 +96,12 @@ class LikelihoodCheck:
         if self.exploration is None:
             return 1
         limit = self.exploration.lowest + likelihood.RISE
-        found: list[likelihood.LocalMinimum] = []
+        distinct: list[likelihood.LocalMinimum] = []
         for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
-            apart = not any(likelihood.inside(other, one.coordinates) for other in found)
+            apart = not any(likelihood.inside(other, one.coordinates) for other in distinct)
             if one.chi_squared <= limit and apart:
-                found.append(one)
-        return len(found)
+                distinct.append(one)
+        return len(distinct)
 
 
 def check(
@@ -112,29 +114,33 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance at the best run of a fit.
 
-    **Arguments:** `number`: of points that the first round of an exploration draws;
-    `on_iteration`: called with the runs of local searches.
+    **Arguments:**
+
+    - `number`: number of points in the first round of an exploration.
+    - `on_iteration`: called with the runs of local searches.
     """
-    begun = time.perf_counter()
+    started = time.perf_counter()
     generator = np.random.default_rng(0)
     end = float(np.asarray(runs.times)[-1])
-    limits = longest(best, parameters)
+    limits = _largest_offsets(best, parameters)
     covariance = statistics.parameter_covariance(best.jacobian)
     offsets = likelihood.displacements(covariance, limits, generator)
     shape = data.weights.shape
     residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
-    tried = [run_misfit(runs, data, end, best.coordinates + offset) for offset in offsets]
-    moved = np.array([one.residuals.reshape(shape) for one in tried])
-    near = (np.abs(offsets) < 0.5 * limits).all(axis=1)
+    trials = [run_misfit(runs, data, end, best.coordinates + offset) for offset in offsets]
+    moved = np.array([trial.residuals.reshape(shape) for trial in trials])
+    # Far points bend chi squared by the scale of a parameter (such as a logarithm), which says
+    # nothing about the motion: only near points decide up to which time the fit is reliable.
+    near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
     test = likelihood.tested(residuals, jacobian, offsets, moved, np.asarray(runs.times), near)
     count = len(offsets)
     if test.passed:
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - started
         return LikelihoodCheck(test, None, (), count, seconds, 0.0)
 
     lanes = SideBySide(runs, data)
     searches: list[Search] = []
-    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
+    max_changes = step_limits(parameters)
 
     def chi_squared(points: np.ndarray) -> np.ndarray:
         return lanes.chi_squared(points, lanes.count)[:, -1]
@@ -142,15 +148,22 @@ def check(
     def descend(
         start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN
     ) -> likelihood.LocalMinimum:
-        found, iterations, ending = search_with_damping(
-            lambda at: run_misfit(runs, data, end, at), start, strides, near, steps, on_iteration
+        lowest, iterations, ending = search_with_damping(
+            lambda at: run_misfit(runs, data, end, at),
+            start,
+            max_changes,
+            near,
+            steps,
+            on_iteration,
         )
         if ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt
-        searches.append(Search(start, (WindowSearch(end, iterations, ending),), found))
-        return _minimum(found)
+        searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+        return _minimum(lowest)
 
     difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+    # Chi squared of an early part of the record is smoother and wider: its covariance draws points
+    # beyond the minimum that the whole record's covariance describes.
     covariances = [covariance, *_early_covariances(runs, jacobian, test.horizon)]
     explored = likelihood.explore(
         chi_squared,
@@ -163,45 +176,45 @@ def check(
         statistics.likely_chi_squared(data.count - len(best.coordinates)),
         generator,
     )
-    low = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-    if best.chi_squared - low.chi_squared > likelihood.FLOOR:
-        descend(low.coordinates, NEAREST, 4 * STEPS_DOWN)
+    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+    if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
+        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
     count += len(explored.points) + sum(search.evaluations for search in searches)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - started
     return LikelihoodCheck(test, explored, tuple(searches), count, seconds, difference)
 
 
-def longest(best: RunMisfit, parameters: Mapping[str, Parameter]) -> Float[np.ndarray, " p"]:
-    """How far points may lie from the estimates, (p,): two strides of the scale; where these are
-    infinite, as far as the estimate is from zero, or `FARTHEST` standard deviations that it has if
-    all others are known, whichever is more."""
-    strides = np.array([parameter.scale.stride for parameter in parameters.values()])
-    lengths = np.linalg.norm(best.jacobian, axis=0)
-    alone = np.where(lengths > 0.0, FARTHEST / np.where(lengths > 0.0, lengths, 1.0), 0.0)
+def _largest_offsets(
+    best: RunMisfit, parameters: Mapping[str, Parameter]
+) -> Float[np.ndarray, " p"]:
+    """Return the largest distance (p,) of points from the estimates in each coordinate.
+
+    It is twice the scale's `max_step`. If that is infinite, it is the larger of the estimate itself
+    and of `FARTHEST` standard deviations for known other parameters.
+    """
+    max_changes = step_limits(parameters)
+    norms = np.linalg.norm(best.jacobian, axis=0)
+    alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
     far = np.maximum(np.abs(best.coordinates), alone)
-    return np.where(np.isfinite(strides), 2.0 * strides, far)
+    return np.where(np.isfinite(max_changes), 2.0 * max_changes, far)
 
 
-def lowest(check: LikelihoodCheck, best: Search) -> Search:
-    """The search with the smallest chi squared, of a fit's best and those of its check; of equal
-    ones the fit's own, then the last, which went on from the lowest."""
-    return min((best, *check.searches[::-1]), key=lambda search: search.best.chi_squared)
-
-
-def _minimum(found: RunMisfit) -> likelihood.LocalMinimum:
-    covariance = statistics.parameter_covariance(found.jacobian)
-    return likelihood.LocalMinimum(found.coordinates, found.chi_squared, covariance)
+def _minimum(run: RunMisfit) -> likelihood.LocalMinimum:
+    covariance = statistics.parameter_covariance(run.jacobian)
+    return likelihood.LocalMinimum(run.coordinates, run.chi_squared, covariance)
 
 
 def _early_covariances(
     runs: Experiment, jacobian: Float[np.ndarray, "S T p"], horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Covariances by the data up to the horizon, s, and up to half of it, for which chi squared is
-    smoother and wider; none if the horizon is infinite."""
+    """Return covariances for the data up to the horizon, s, and up to half of it.
+
+    The list is empty if the horizon is infinite.
+    """
     start, times = float(runs.start_time), np.asarray(runs.times)[: jacobian.shape[1]]
-    found = []
-    for share in (1.0, 0.5) if math.isfinite(horizon) else ():
-        early = times < start + share * (horizon - start)
+    covariances = []
+    for fraction in (1.0, 0.5) if math.isfinite(horizon) else ():
+        early = times < start + fraction * (horizon - start)
         rows = (jacobian * early[:, None]).reshape(-1, jacobian.shape[-1])
-        found.append(statistics.parameter_covariance(rows))
-    return found
+        covariances.append(statistics.parameter_covariance(rows))
+    return covariances

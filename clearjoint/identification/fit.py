@@ -1,4 +1,4 @@
-"""The result of an identification."""
+"""Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
 from collections.abc import Sequence
@@ -9,21 +9,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..datasets.labelled import Labelled, labelled_dataset, texts
-from ..datasets.tabular import AbstractTabular
+from ..export.labelled import Labelled, labelled_dataset, texts
+from ..export.tabular import AbstractTabular
 from ..information import fisher_information as information
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
-from . import likelihood, rivals
+from . import likelihood
 from .advice import Evidence
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending
-from .report import correlation_table, estimates_table, numbered, searches_table, series_table
+from .report import (
+    correlation_table,
+    estimates_table,
+    numbered,
+    searches_table,
+    series_table,
+)
 from .residuals import RunMisfit
 from .screening.screening import Screened
 from .searches import Search
@@ -32,28 +38,27 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AT_BOUND = 1e-3
-"""Distance from a bound, over that between the bounds, below which an estimate is at the bound."""
-
+"""Distance from a bound, relative to the range, below which an estimate is at the bound."""
 ALIKE = 1.3
-"""Factor between intervals up to which they count as alike."""
+"""Ratio of interval widths up to which two intervals agree."""
 SHOWN = 3
-"""Other minima that the report lists."""
+"""Number of other minima in the report."""
 
 
 @dataclass(frozen=True)
 class Fit(AbstractTabular):
-    """Estimates, how sure they are, and what they leave unexplained.
+    """Result of a fit: estimates, their uncertainty, and tests of the residuals.
 
-    - `scene`, `state`: with the estimates in their places.
+    - `scene`, `state`: scene and initial state with the estimated values.
     - `parameters`, `units`: by name, in the order of all arrays.
-    - `measurements`: those that were fitted.
-    - `searches`: one from each start; `best`: the one with the smallest chi squared, of these and
-      of those of `check`.
-    - `screened`: the starts that each pass of a `Screening` left.
-    - `horizon`: that was given, or ``None``.
-    - `check`: the test of the covariance by runs around the estimates, or ``None`` without one.
+    - `measurements`: the fitted measurements.
+    - `searches`: one search from each start; `best`: the search with the smallest chi squared,
+      including the searches of `check`.
+    - `screened`: the starts that each pass of a `Screening` found.
+    - `horizon`: the given horizon, or ``None``.
+    - `check`: the test of the covariance by runs around the estimates, or ``None``.
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` give estimates, errors and correlations.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export estimates, errors and correlations.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -76,13 +81,16 @@ class Fit(AbstractTabular):
     searches: tuple[Search, ...]
     best: Search
     screened: tuple[Screened, ...] = ()
-    horizon: Horizon | None = None
+    horizon: FitHorizon | None = None
     check: LikelihoodCheck | None = None
 
     def to_xarray(self) -> "xr.Dataset":
-        """An `xarray.Dataset` along "parameter": `estimate`, `standard_error` and the bounds of the
-        95 % `interval` in the `unit` of each, and the `correlation` along "with"; chi squared and
-        the ending are attributes. See `AbstractTabular`."""
+        """Return an `xarray.Dataset` along "parameter".
+
+        It has `estimate`, `standard_error` and the bounds of the 95 % `interval` in the `unit` of
+        each parameter, and the `correlation` along "with"; chi squared and the ending are
+        attributes. See `AbstractTabular`.
+        """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors
         variables = {
@@ -100,7 +108,7 @@ class Fit(AbstractTabular):
         notes = {
             "ending": self.ending.value,
             "chi_squared": self.chi_squared,
-            "degrees_of_freedom": self.freedom,
+            "degrees_of_freedom": self.degrees_of_freedom,
             "p_value": self.p_value,
             "warnings": " ".join(self.warnings) or "none",
         }
@@ -108,7 +116,7 @@ class Fit(AbstractTabular):
 
     @property
     def ending(self) -> Ending:
-        """How the search ended; its value says it in words."""
+        """Reason why the search ended; its value is a text."""
         return self.best.ending
 
     @property
@@ -123,12 +131,12 @@ class Fit(AbstractTabular):
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance (p, p) of the coordinates, if the noise is as stated."""
+        """Covariance (p, p) of the coordinates, for the stated noise."""
         return statistics.parameter_covariance(self.best.best.jacobian)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance (p, p) of the values, by the slopes of the scales."""
+        """Covariance (p, p) of the values, by linearisation of the scales."""
         scales = [parameter.scale for parameter in self.parameters.values()]
         slopes = [float(s.slope(u)) for s, u in zip(scales, self.coordinates, strict=True)]
         return self.covariance * np.outer(slopes, slopes)
@@ -148,11 +156,11 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval of each value, within the bounds of its scale.
 
-        It also covers other minima in which searches ended, as far as their chi squared allows, and
-        where `check` has explored chi squared, all points at which it is at most 3.84 above the
-        lowest.
+        It includes other minima in which searches ended, if their chi squared is low enough. If
+        `check` has explored chi squared, it includes all points with a chi squared at most 3.84
+        above the lowest.
         """
-        ends = rivals.intervals(self.best.best, self._other_minima)
+        ends = statistics.intervals(self.best.best, self._other_minima)
         if self.check is not None and self.check.exploration is not None:
             explored = self.check.exploration.intervals()
             ends = np.minimum(ends[0], explored[0]), np.maximum(ends[1], explored[1])
@@ -161,14 +169,16 @@ class Fit(AbstractTabular):
 
     @property
     def rivals(self) -> list[dict[str, float]]:
-        """Values of the parameters at other minima that fit the data about as well as the best,
-        although they lie outside its own intervals; the one with the smallest chi squared first."""
-        minima = rivals.rivals(self.best.best, self._other_minima)
+        """Values of the parameters at other minima that fit the data about as well.
+
+        These minima lie outside the intervals of the best one; the smallest chi squared is first.
+        """
+        minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [self._values(minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """The fitted run at the times of each series, (N,), SI."""
+        """Values of the fitted run at the times of each series, (N,), SI."""
         times = self.measurements.times()
         rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
         return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
@@ -181,7 +191,7 @@ class Fit(AbstractTabular):
 
     @property
     def rms(self) -> dict[str, float]:
-        """Root mean square of each series' residuals: 1 if the noise is as stated."""
+        """Root mean square of each series' residuals; 1 is expected for the stated noise."""
         return {n: math.sqrt(float(np.mean(row**2))) for n, row in self.residuals.items()}
 
     @property
@@ -195,42 +205,40 @@ class Fit(AbstractTabular):
         return self.best.best.chi_squared
 
     @property
-    def freedom(self) -> int:
-        """Degrees of freedom: samples less parameters."""
+    def degrees_of_freedom(self) -> int:
+        """Number of samples minus number of parameters."""
         return self.samples - len(self.parameters)
 
     @property
     def p_value(self) -> float:
-        """Probability of so large a chi squared if noise and model are right."""
-        return statistics.chi_squared_p(self.chi_squared, self.freedom)
+        """Probability of a chi squared at least as large, if noise and model are right."""
+        return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
     def whiteness(self) -> dict[str, float]:
-        """Probability of so much autocorrelation in white noise, of each series (Ljung-Box)."""
+        """p-value of the Ljung-Box test for white residuals, for each series."""
         return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
 
     @property
     def normality(self) -> dict[str, float]:
-        """Probability of such skewness and kurtosis in normal noise, of each series."""
+        """p-value of the D'Agostino-Pearson test for normal residuals, for each series."""
         return {name: statistics.normality(row) for name, row in self.residuals.items()}
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences on what speaks against the estimates; none if nothing does."""
+        """Sentences on problems of the fit; an empty list if there are none."""
         return [
             *self.doubts,
-            *self._of_search(),
-            *self._of_rivals(),
-            *self._at_bounds(),
-            *self._unseen(),
-            *self._of_noise(),
+            *self._search_warnings(),
+            *self._rival_warnings(),
+            *self._bound_warnings(),
+            *self._uncertain_directions(),
+            *self._noise_warnings(),
         ]
 
     @cached_property
     def advice(self) -> list[str]:
-        """Sentences on what to try, in order, with the numbers at hand, if the fit ends far above
-        the noise; none if it does not."""
-        scatter = math.sqrt(self.chi_squared / self.freedom) if self.freedom > 0 else 0.0
+        """Sentences on remedies, in order, if the residuals are far above the noise; else empty."""
         return Evidence(
             self.measurements,
             self.parameters,
@@ -238,20 +246,22 @@ class Fit(AbstractTabular):
             self.residuals,
             self.searches,
             self.best,
-            scatter,
+            self._scatter if self.degrees_of_freedom > 0 else 0.0,
             bool(self.screened),
             self.horizon,
         ).advice()
 
     def __str__(self) -> str:
-        """Estimates, goodness of fit, series, correlations, warnings and advice, as aligned
-        tables."""
-        first = [] if self.check is None else [self._of_test()]
+        """Report: estimates, goodness of fit, series, correlations, warnings and advice."""
+        first = [] if self.check is None else [self._test_report()]
+        series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
-            self._head(),
+            f"Fit of {self.samples} samples in {series} series to {end:g} s: "
+            f"{self.ending.value}, {self.best.evaluations} runs",
             *first,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
-            f"chi squared {self.chi_squared:.6g} with {self.freedom} degrees of freedom, "
+            f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
+            "freedom, "
             f"p = {self.p_value:.2g}",
             series_table(self.residuals, self.rms, self.whiteness, self.normality),
         ]
@@ -262,81 +272,76 @@ class Fit(AbstractTabular):
         rest = [warning for warning in self.warnings if warning not in first]
         parts.append("\n".join(f"Warning: {warning}" for warning in rest))
         if self.advice:
-            parts.append("What to try, in this order:\n" + numbered(self.advice))
+            parts.append("Remedies, in this order:\n" + numbered(self.advice))
         return "\n\n".join(part for part in parts if part)
 
-    def _head(self) -> str:
-        series, end = len(self.measurements.series), self.measurements.times()[-1]
-        return (
-            f"Fit of {self.samples} samples in {series} series to {end:g} s: "
-            f"{self.ending.value}, {self.best.evaluations} runs"
-        )
-
-    def _of_test(self) -> str:
-        """What the runs around the estimates showed, and what was done about it."""
+    def _test_report(self) -> str:
+        """Return sentences on the result of the runs around the estimates."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
         if explored is None:
             return (
                 f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
-                "rises as it predicts."
+                "rises as predicted."
             )
         bad = test.differing
-        worst = int(np.argmax(np.where(bad, np.abs(test.found - test.predicted), 0.0)))
-        where = (
-            f"at {bad.sum()} of {len(bad)} points up to 4 standard errors away chi squared does "
-            f"not rise as the covariance predicts (by {test.found[worst]:.3g} for "
-            f"{test.predicted[worst]:.3g} at the worst)"
+        worst = int(np.argmax(np.where(bad, np.abs(test.actual - test.predicted), 0.0)))
+        result = (
+            f"at {bad.sum()} of {len(bad)} points up to 4 standard errors away, chi squared does "
+            f"not rise as the covariance predicts (in the worst case by {test.actual[worst]:.3g} "
+            f"instead of {test.predicted[worst]:.3g})"
         )
         number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
-        source = f"of chi squared at most 3.84 above the lowest, with {number} ({cost})"
-        if self._confirmed:
+        source = f"all points with a chi squared at most 3.84 above the lowest, with {number}"
+        if self._intervals_confirmed:
             parts = [
-                f"Chi squared is rough: {where}. The intervals agree with those {source}; lower "
-                "minima may lie beyond."
+                f"Chi squared is rough: {result}. The intervals agree with those from {source} "
+                f"({cost}). There may be lower minima farther away."
             ]
         else:
-            parts = [f"Standard errors do not hold: {where}. Intervals are those {source}."]
+            parts = [
+                f"Standard errors are not valid: {result}. The intervals contain {source} ({cost})."
+            ]
         if self._moved > likelihood.FLOOR:
             parts.append(
-                f"The fit has moved to a minimum {self._moved:.3g} lower in chi squared than the "
-                "one in which the search had ended."
+                f"The fit has moved to a minimum whose chi squared is {self._moved:.3g} lower than "
+                "at the end of the search."
             )
-        parts += self._past_horizon()
+        parts += self._samples_past_horizon()
         if not explored.settled:
-            parts.append("They were still growing: raise check_runs, or shorten the record.")
+            parts.append(
+                "The intervals were still growing: increase check_runs, or shorten the record."
+            )
         if abs(check.difference) > 1.0:
             parts.append(
-                f"Errors of the integration change chi squared by {check.difference:.2g}: tighten "
-                "rtol, or shorten the record."
+                f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "
+                "shorten the record."
             )
         return " ".join(parts)
 
     @cached_property
-    def _confirmed(self) -> bool:
-        """Whether runs around the estimates lead to intervals like those by the covariance."""
+    def _intervals_confirmed(self) -> bool:
+        """Whether runs around the estimates lead to intervals like those of the covariance."""
         check = self.check
         if check is None or check.exploration is None:
             return check is None or check.passed
-        one = check.minima == 1 and self._moved <= likelihood.FLOOR
-        calm = check.exploration.settled and abs(check.difference) <= 1.0
-        return one and calm and check.widening(self.best.best) < ALIKE
+        single = check.minima == 1 and self._moved <= likelihood.FLOOR
+        reliable = check.exploration.settled and abs(check.difference) <= 1.0
+        return single and reliable and check.widening(self.best.best) < ALIKE
 
     @property
     def _moved(self) -> float:
-        """By how much the exploration lowered chi squared."""
+        """Decrease of chi squared by the exploration."""
         assert self.check is not None and self.check.exploration is not None
         return float(self.check.exploration.chi_squared[0]) - self.chi_squared
 
     @property
     def doubts(self) -> list[str]:
-        """What is said of the covariance where chi squared does not rise as it predicts: that runs
-        around the estimates contradict it, or that they lead to the same intervals."""
-        return [] if self.check is None or self.check.passed else [self._of_test()]
+        """Sentences on a failed test of the covariance; an empty list if it passed."""
+        return [] if self.check is None or self.check.passed else [self._test_report()]
 
-    def _past_horizon(self) -> list[str]:
-        """A sentence on the samples that one run can't fit, if there are any."""
+    def _samples_past_horizon(self) -> list[str]:
         assert self.check is not None
         limits = [self.check.horizon]
         if self.horizon is not None:
@@ -346,41 +351,41 @@ class Fit(AbstractTabular):
         until = min(limits)
         past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
         return [
-            f"{past} of {self.samples} samples, from {until:.4g} s on, lie past the horizon of a "
+            f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon of a "
             "fit by a single run."
         ]
 
-    def _of_search(self) -> Sequence[str]:
+    def _search_warnings(self) -> Sequence[str]:
         warnings = []
         if self.ending is not Ending.CONVERGED:
             warnings.append(f"Not converged: {self.ending.value}.")
         if self.screened and not self.screened[-1].complete:
             end = self.screened[-1].times[-1]
-            warnings.append(f"Screening came to {end:.4g} s only: allow more rounds.")
+            warnings.append(f"Screening reached only {end:.4g} s: increase its rounds.")
         return warnings
 
-    def _of_rivals(self) -> Sequence[str]:
+    def _rival_warnings(self) -> Sequence[str]:
         warnings = []
-        others = rivals.rivals(self.best.best, self._other_minima)
+        others = statistics.competing_minima(self.best.best, self._other_minima)
         for rival in others[:SHOWN]:
             excess = rival.chi_squared - self.chi_squared
             values = self._values(rival.coordinates).items()
             warnings.append(
                 f"Another minimum is only {excess:.2g} higher in chi squared, at "
                 + ", ".join(f"{name} {value:.5g}" for name, value in values)
-                + ": the data do not tell which is right."
+                + ": the data do not decide between them."
             )
         if len(others) > SHOWN:
-            warnings.append(f"{len(others) - SHOWN} more such minima are in Fit.rivals.")
+            warnings.append(f"{len(others) - SHOWN} more minima are in Fit.rivals.")
         return warnings
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        found = (*self.searches, *(() if self.check is None else self.check.searches))
-        others = [s for s in found if s is not self.best and s.ending is Ending.CONVERGED]
+        searches = (*self.searches, *(() if self.check is None else self.check.searches))
+        others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
 
-    def _at_bounds(self) -> Sequence[str]:
+    def _bound_warnings(self) -> Sequence[str]:
         warnings = []
         for name, parameter in self.parameters.items():
             scale, value = parameter.scale, self.estimates[name]
@@ -391,33 +396,37 @@ class Fit(AbstractTabular):
                         warnings.append(f"{name} is at its bound {bound:g}.")
         return warnings
 
-    def _unseen(self) -> Sequence[str]:
-        """A warning for each combination of parameters that is so uncertain that one standard
-        deviation changes a coordinate by more than its scale's stride."""
+    def _uncertain_directions(self) -> Sequence[str]:
+        """Return a warning for each combination of parameters with a large uncertainty.
+
+        One standard deviation along it changes a coordinate by more than one step of a fit may.
+        """
         warnings = []
         sizes = [
-            p.scale.stride if math.isfinite(p.scale.stride) else abs(u)
+            p.scale.max_step if math.isfinite(p.scale.max_step) else abs(u)
             for p, u in zip(self.parameters.values(), self.coordinates, strict=True)
         ]
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > np.array(sizes)):
                 warnings.append(
-                    f"The data hardly see the combination {combination(change, self.parameters)} "
-                    f"(standard deviation {deviation:.2g}, in the coordinates of the scales)."
+                    "The data hardly determine the combination "
+                    f"{combination(change, self.parameters)} (standard deviation {deviation:.2g}, "
+                    "in the coordinates of the scales)."
                 )
         return warnings
 
-    def _of_noise(self) -> Sequence[str]:
-        if self.freedom < 1:
+    @property
+    def _scatter(self) -> float:
+        return math.sqrt(self.chi_squared / self.degrees_of_freedom)
+
+    def _noise_warnings(self) -> Sequence[str]:
+        if self.degrees_of_freedom < 1:
             return []
-        scatter = math.sqrt(self.chi_squared / self.freedom)
+        ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
         if self.p_value < statistics.UNLIKELY:
-            return [
-                f"Residuals are {scatter:.3g} times the stated noise: the noise is understated, or "
-                "the model lacks something."
-            ]
+            return [f"{ratio}: the noise is understated, or the model lacks an effect."]
         if self.p_value > 1.0 - statistics.UNLIKELY:
-            return [f"Residuals are {scatter:.3g} times the stated noise: it is overstated."]
+            return [f"{ratio}: the noise is overstated."]
         return []
 
     def _values(self, coordinates: Float[np.ndarray, " p"]) -> dict[str, float]:
@@ -428,6 +437,6 @@ class Fit(AbstractTabular):
 def combination(
     change: Float[np.ndarray, " p"], names: Sequence[str] | dict[str, Parameter]
 ) -> str:
-    """A combination of parameters in words, without those that hardly change along it."""
-    words = [f"{part:+.3g} {name}" for part, name in zip(change, names, strict=True)]
-    return " ".join(w for w, part in zip(words, change, strict=True) if abs(part) > 1e-3)
+    """Return a combination of parameters as text, without those with a factor below 1e-3."""
+    pairs = zip(change, names, strict=True)
+    return " ".join(f"{part:+.3g} {name}" for part, name in pairs if abs(part) > 1e-3)

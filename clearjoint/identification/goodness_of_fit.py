@@ -1,27 +1,33 @@
-"""Tests of the residuals of a fit, and how sure their Jacobian makes estimates."""
+"""Statistics of a fit: tests of its residuals, covariance, and intervals over several minima."""
 
 import math
+from collections.abc import Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ..information import fisher_information as information
+from .residuals import RunMisfit
 
 SINGULAR = 1e-12
-"""Least singular value over the largest, with columns of unit length. The data hardly see a
-direction that has a smaller one: its variance is reported as if it had this one."""
+"""Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
+raised to this value, so that the variance of an undetermined direction stays finite."""
 UNLIKELY = 1e-3
-"""Probability of a chi squared below which the noise, the model or the fit is taken as wrong."""
+"""p-value of chi squared below which the noise, the model or the fit is considered wrong."""
 LAGS = 10
 """Lags of the test of whiteness."""
+CONFIDENCE = 0.95
+DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
+"""Half the width of a confidence interval in standard deviations."""
 
 
 class Direction(NamedTuple):
-    """A combination of parameters, as a change of their coordinates.
+    """A combination of parameters.
 
-    `change`: (p,) of the coordinates, the largest by one. `deviation`: standard deviation of the
-    factor by which an estimate is off along it.
+    - `change`: (p,) change of the coordinates along it, the largest is 1.
+    - `deviation`: standard deviation of the factor of `change`.
     """
 
     change: Float[np.ndarray, " p"]
@@ -29,8 +35,10 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Combinations of parameters, the least seen first, from the Jacobian (M, p) of residuals in
-    standard deviations."""
+    """Return combinations of parameters, the most uncertain first.
+
+    `jacobian` (M, p) is the derivative of residuals in standard deviations.
+    """
     norms = np.linalg.norm(jacobian, axis=0)
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
@@ -44,27 +52,30 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
 
 def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Covariance (p, p) of the coordinates, from the Jacobian (M, p) of residuals in standard
-    deviations; large, but finite, for what the data don't see."""
+    """Return the covariance (p, p) of the coordinates.
+
+    `jacobian` (M, p) is the derivative of residuals in standard deviations. Variances of
+    undetermined directions are large but finite.
+    """
     return information.covariance(jacobian, SINGULAR)
 
 
-def chi_squared_p(chi_squared: float, freedom: int) -> float:
-    """Probability of so large a chi squared if noise and model are right; NaN without freedom."""
+def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
+    """Return the p-value of chi squared; NaN without degrees of freedom."""
     from scipy.special import chdtrc
 
-    return float(chdtrc(freedom, chi_squared)) if freedom > 0 else math.nan
+    return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan
 
 
-def likely_chi_squared(freedom: int) -> float:
-    """The largest chi squared that noise explains; infinite without freedom."""
+def likely_chi_squared(degrees_of_freedom: int) -> float:
+    """Return the largest chi squared that noise explains; infinite without degrees of freedom."""
     from scipy.special import chdtri
 
-    return float(chdtri(freedom, UNLIKELY)) if freedom > 0 else math.inf
+    return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Probability of so much autocorrelation in white noise; NaN for fewer than 20 residuals.
+    """Return the p-value of the Ljung-Box test for whiteness; NaN for fewer than 20 residuals.
 
     G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
     """
@@ -81,7 +92,7 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Probability of such skewness and kurtosis in normal noise; NaN for fewer than 20 residuals.
+    """Return the p-value of a test for normality by skewness and kurtosis; NaN below 20 residuals.
 
     R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
@@ -90,3 +101,43 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
         return math.nan
     return float(normaltest(residuals).pvalue)
+
+
+def intervals(
+    best: RunMisfit, others: Sequence[RunMisfit]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Return lower and upper ends (p,) of the coordinates' confidence intervals.
+
+    A parameter's interval contains the values for which chi squared, minimised over the other
+    parameters, exceeds that of the best minimum by no more than normal noise allows. Each minimum
+    contributes an interval around itself, which is narrower for a larger chi squared.
+    """
+    lows, highs = [], []
+    for one in (best, *others):
+        excess = DEVIATIONS**2 - (one.chi_squared - best.chi_squared)
+        if excess >= 0.0:
+            half = math.sqrt(excess) * np.sqrt(np.diag(parameter_covariance(one.jacobian)))
+            lows.append(one.coordinates - half)
+            highs.append(one.coordinates + half)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
+    """Return minima outside the interval of the best one that fit about as well, the best first.
+
+    Late in a record a small change of parameters moves impacts, so that chi squared has many
+    minima close together, and noise decides which is the lowest.
+    """
+    from scipy.special import chdtri
+
+    limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
+    minima = [best]
+    for one in sorted(others, key=lambda other: other.chi_squared):
+        if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):
+            minima.append(one)
+    return minima[1:]
+
+
+def _apart(one: RunMisfit, other: RunMisfit) -> bool:
+    half = DEVIATIONS * np.sqrt(np.diag(parameter_covariance(one.jacobian)))
+    return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

@@ -1,4 +1,4 @@
-"""Identification: parameters and initial states that explain measurements best."""
+"""Estimation of parameters and initial states by least squares."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -9,38 +9,44 @@ import numpy as np
 
 from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive
-from ..information.horizon import Horizon
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter
-from ..results import RESULTS
-from ..simulation import presets
-from ..simulation.progress_bars import ProgressBar, telling_of_compiling
-from ..simulation.settings import Settings, settings_or
+from ..parametrisation.parameter import Parameter, step_limits
+from ..result_codes import RESULTS
+from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from .checking import check
-from .checking import lowest as lowest_of
 from .fit import Fit
 from .levenberg_marquardt import Ending, Iteration, search_with_damping
 from .report import numbered
-from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
-from .screening.passes import LOOSER, Passes, lowest
-from .screening.screening import Screened, Screening
-from .searches import Search, WindowSearch
+from .residuals import (
+    Experiment,
+    RunMisfit,
+    Samples,
+    check_start,
+    experiment,
+    run_misfit,
+    samples,
+)
+from .screening.screening import LOOSER, Passes, Screened, Screening
+from .searches import Search, WindowSearch, best_search
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
 OnFitIteration = Callable[[int, Iteration], None]
 """A function of the number of samples in the fit and of an iteration."""
 WINDOW_TOLERANCE = 0.1
-"""Tolerance, in standard deviations, of the fits of all windows but the last."""
+"""Tolerance, in standard deviations, of the fits of all windows except the last."""
 
 
 class FitInterrupted(KeyboardInterrupt):
-    """A fit that was stopped by Ctrl-C (SIGINT).
+    """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits`: those that had ended, and last the best so far of the one that was interrupted, unless
-    it had no run yet.
+    `fits`: the finished fits and, last, the best result so far of the interrupted fit, unless it
+    had no run yet.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -50,10 +56,11 @@ class FitInterrupted(KeyboardInterrupt):
         text = "The fit was interrupted before its first run had ended."
         if fits:
             values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
+            last = fits[-1]
             text = (
-                f"The fit was interrupted; the best so far has chi squared "
-                f"{fits[-1].chi_squared:.6g} of {fits[-1].freedom} expected, at {values}. It is in "
-                "the exception's `fits`, and a next fit may start from its estimates."
+                "The fit was interrupted; the best so far has chi squared "
+                f"{last.chi_squared:.6g} ({last.degrees_of_freedom} expected), at {values}. It is "
+                "in the exception's `fits`. Another fit may start from its estimates."
             )
         super().__init__(text)
         self.fits = list(fits)
@@ -72,51 +79,52 @@ def identify(
     grow: Sequence[float] = (),
     max_iterations: int = 100,
     tolerance: float = 1e-3,
-    horizon: Horizon | None = None,
+    horizon: FitHorizon | None = None,
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
-    """Estimate parameters by least squares (Levenberg-Marquardt), from one run at a time.
+    """Estimate parameters by least squares (Levenberg-Marquardt).
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `simulate`; the run goes to the last sample.
-    - `measurements`: what was measured, with its noise.
-    - `parameters`: what to estimate, by name, and on which scales; see `Parameter`.
-    - `guess`: values to start from, by name; a parameter that is left out starts from the scene's
-      value. A list of guesses makes a start of each.
-    - `starts`: `Starts` draws further starts around the first guess. A `Screening` round the only
-      guess instead finds starts by many runs without derivatives, where no slope leads to the
-      truth. The fit is the best of all searches; `Fit.searches` has all of them, and `Fit.rivals`
-      other minima that fit the data about as well.
-    - `grow`: ends, s, of windows of the record that are fitted before the whole: the samples up to
-      the first end, then those up to the next, each fit from where the one before ended. After
-      some impacts small errors of parameters have grown so far that a fit of the whole record from
-      a start far off finds no way down. In these windows each parameter is held near its value at
-      the window's start, with its scale's stride as standard deviation, so that those that are not
-      seen yet do not run away. The double pendulum's record of 187 ms, five times what a single run
-      can fit from a guess far off (`horizon`), is fitted so in 140 runs.
-    - `settings`: how to integrate; `clearjoint.presets.identification` unless given. Their
-      `max_steps` bound what a run with absurd parameters costs.
-    - `max_iterations`: of each window of each start; an iteration is one run.
+    - `scene`, `state`, `start_time` s: as in `simulate`; the run ends at the last sample.
+    - `measurements`: the measured series with their noise.
+    - `parameters`: the parameters to estimate, by name; see `Parameter`.
+    - `guess`: values to start from, by name; by default the values in the scene. Each guess of a
+      list is a start.
+    - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
+      guess finds starts by many runs without derivatives, for data with impacts, where derivatives
+      don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
+      them, and `Fit.rivals` has other minima that fit the data about as well.
+    - `grow`: ends, s, of windows of the record that are fitted before the whole record: first the
+      samples up to the first end, then those up to the next, each fit from the result of the last.
+      After some impacts small errors of parameters have grown so much that a fit of the whole
+      record from a distant start fails. In these windows each parameter is held near its value at
+      the window's start, with its scale's `max_step` as standard deviation, so that parameters that
+      the window doesn't determine stay in range. For example, a record of 187 ms of the double
+      pendulum, five times as long as a single run can fit from a distant guess
+      (`clearjoint.fit_horizon`), takes 140 runs with windows.
+    - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
+      `max_steps` limits the cost of runs with extreme parameters.
+    - `max_iterations`: limit for each window of each start; an iteration is one run.
     - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
-    - `horizon`: from `clearjoint.horizon`, to warn if the record is longer than a fit by a single
-      run can use.
-    - `check_runs`: how thoroughly the covariance is tested once the search has converged. Some
-      twenty runs for each parameter compare chi squared, up to four standard errors around the
-      estimates, with what the covariance predicts. Where they differ, chi squared has several
-      minima close together, or is curved: then so many runs without derivatives, side by side, and
-      further rounds among the lowest of them explore it, with local searches in between. The fit
-      moves to the lowest minimum found, its intervals cover all points that the data allow, and
-      its report says so first. See `Fit.check`; 0 leaves out the test.
-    - `progress`: show a line with the iterations, or call a function with each `Iteration`.
+    - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
+      fit by a single run.
+    - `check_runs`: size of the test of the covariance after the search has converged; 0 for no
+      test. About twenty runs for each parameter compare chi squared, up to four standard errors
+      around the estimates, with the prediction of the covariance. If they differ, chi squared has
+      several minima close together or is not quadratic. Then `check_runs` runs without derivatives,
+      more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
+      the lowest minimum, its intervals contain all points that the data allow, and its report
+      begins with this result. See `Fit.check`.
+    - `progress`: whether to show a line with the iterations, or a function of each `Iteration`.
 
-    **Raises:** `ValueError` for arguments that no fit can use. `FitInterrupted`, which is a
-    `KeyboardInterrupt` and holds the best fit so far, on Ctrl-C. A search that fails raises
-    nothing: see `Fit.ending` and `Fit.warnings`.
+    **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
+    the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
+    `Fit.warnings`.
 
-    **Warns:** `PoorFitWarning` if the fit ends far above the noise, with what to try, in order,
-    which `Fit.advice` and the report have too.
+    **Warns:** `PoorFitWarning` if the residuals are far above the noise, with the remedies of
+    `Fit.advice`.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -161,12 +169,13 @@ def identify_many(
     grow: Sequence[float] = (),
     max_iterations: int = 100,
     tolerance: float = 1e-3,
-    horizon: Horizon | None = None,
+    horizon: FitHorizon | None = None,
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
-    """`identify` for several sets of measurements of the same channels and times, such as draws of
-    the noise: one fit for each.
+    """Fit several sets of measurements of the same channels and times, such as draws of the noise.
+
+    Arguments are as in `identify`; the result has one fit for each set.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -187,11 +196,11 @@ def identify_many(
     rows = start_coordinates(scene, state, parameters, guess, around)
     passes = None
     if isinstance(starts, Screening):
-        require(len(rows) == 1, "guess", len(rows), "one guess, round which to screen", "pass one")
+        require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
         coarse_runs = runs_with(settings.looser(LOOSER))
         passes = Passes(starts, coarse_runs, rows[0], tuple(parameters), progress is True)
     ends = (*grow, float(times[-1]))
-    windows = _Windows(runs, ends, _strides(parameters), tolerance, max_iterations)
+    windows = _Windows(runs, ends, step_limits(parameters), tolerance, max_iterations)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
     fits = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
@@ -200,54 +209,51 @@ def identify_many(
             screened, checked, stopped = (), None, False
             try:
                 screened = windows.search(one, rows, passes, on_iteration, searches)
-                best = lowest(searches)
+                best = best_search(searches)
                 if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                     data = samples(one, len(runs.times))
                     on_check = partial(on_iteration, data.count)
                     checked = check(best.best, runs, data, parameters, check_runs, on_check)
-                    best = lowest_of(checked, best)
+                    # The last local search started from the lowest minimum: it comes first among
+                    # the searches of equal chi squared.
+                    best = best_search((best, *checked.searches[::-1]))
             except KeyboardInterrupt as interruption:
                 if not searches:
                     raise FitInterrupted(fits) from interruption
-                best, stopped = lowest(searches), True
+                best, stopped = best_search(searches), True
             fitted = runs.family.scene_and_state(best.best.coordinates)
-            found = tuple(searches), best, screened, horizon, checked
-            fits.append(Fit(*fitted, dict(parameters), units, one, *found))
+            results = tuple(searches), best, screened, horizon, checked
+            fits.append(Fit(*fitted, dict(parameters), units, one, *results))
             if stopped:
                 raise FitInterrupted(fits)
-    _warn_of_poor(fits)
-    _warn_of_rough(fits)
+    _warn(fits)
     return fits
 
 
-def _warn_of_poor(fits: Sequence[Fit]) -> None:
-    """Warn once of fits that end far above the noise, with the first one's advice."""
+def _warn(fits: Sequence[Fit]) -> None:
+    """Warn once of fits far above the noise, and once of fits whose covariance is not valid."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
-        many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits end so. The first: "
-        end = f"{poor[0].ending.value}, chi squared {poor[0].chi_squared:.3g} of "
+        many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
         caution(
-            f"The fit ends far above the noise ({end}{poor[0].freedom} expected). {many}What to "
-            f"try, in this order:\n{numbered(poor[0].advice)}\n",
+            f"The residuals of the fit are far above the noise ({many}{poor[0].ending.value}, chi "
+            f"squared {poor[0].chi_squared:.3g}, {poor[0].degrees_of_freedom} expected). Remedies, "
+            f"in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )
-
-
-def _warn_of_rough(fits: Sequence[Fit]) -> None:
-    """Warn once of fits whose covariance does not describe chi squared around the estimates."""
     rough = [warning for fit in fits for warning in fit.doubts]
     if rough:
-        many = "" if len(fits) == 1 else f"{len(rough)} of {len(fits)} fits say so. The first: "
+        many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "
         caution(f"{many}{rough[0]}", PoorFitWarning)
 
 
 @dataclass(frozen=True)
 class _Windows:
-    """Windows of the record up to each of the `ends`, s, and how to search in them."""
+    """Windows of the record up to each of the `ends`, s, and settings of the searches in them."""
 
     runs: Experiment
     ends: tuple[float, ...]
-    strides: np.ndarray
+    step_limits: np.ndarray
     tolerance: float
     max_iterations: int
 
@@ -259,9 +265,10 @@ class _Windows:
         on_iteration: OnFitIteration,
         searches: list[Search],
     ) -> tuple[Screened, ...]:
-        """Search from given starts (n, p), or from those that screening leaves; what it left.
+        """Search from given starts (n, p) or from those that a screening finds.
 
-        `searches` gets each search as it ends, so that none is lost if the next is interrupted.
+        Each search is appended to `searches` when it ends, so that none is lost if the next one is
+        interrupted. **Returns:** the results of the screening.
         """
         data = samples(measurements, len(self.runs.times))
 
@@ -272,13 +279,13 @@ class _Windows:
             return searches[-1]
 
         if passes is not None:
-            return passes.searches(data, search_from)[1]
+            return passes.search(data, search_from)
         for row in rows:
             search_from(row)
         return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
-        """Search from a start (p,) over the windows, one after the other."""
+        """Search from a start (p,) over the successive windows."""
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
@@ -286,14 +293,16 @@ class _Windows:
             misfit = partial(run_misfit, self.runs, part, end)
             try:
                 best, iterations, ending = search_with_damping(
-                    misfit if last else partial(_with_prior, misfit, at, self.strides),
+                    misfit if last else partial(_with_prior, misfit, at, self.step_limits),
                     at,
-                    self.strides,
+                    self.step_limits,
                     self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
                     self.max_iterations,
                     partial(on_iteration, part.count),
                 )
-            except KeyboardInterrupt:  # in the first run of the window
+            except KeyboardInterrupt:
+                # In the first run of the window, which `search_with_damping` does not catch: the
+                # result of the window before is kept.
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
@@ -302,30 +311,28 @@ class _Windows:
             windows.append(WindowSearch(end, iterations, ending))
             at = best.coordinates
             if ending is Ending.INTERRUPTED:
-                if not last:
+                if not last:  # A fit needs predictions for all samples.
                     best = run_misfit(self.runs, data, self.ends[-1], at)
                 break
         assert best is not None
         return Search(start, tuple(windows), best)
 
 
-def _strides(parameters: Mapping[str, Parameter]) -> np.ndarray:
-    return np.array([parameter.scale.stride for parameter in parameters.values()])
-
-
 def _with_prior(
     misfit: Callable[[np.ndarray], RunMisfit],
     centre: np.ndarray,
-    strides: np.ndarray,
+    deviations: np.ndarray,
     at: np.ndarray,
 ) -> RunMisfit:
-    """The misfit at coordinates (p,), as if the coordinates themselves had been measured to be at
-    the centre (p,), with the strides (p,) as standard deviations."""
+    """Return the misfit at coordinates (p,) with a normal prior on the coordinates.
+
+    The prior has the mean `centre` (p,) and the standard deviations `deviations` (p,).
+    """
     plain = misfit(at)
     return replace(
         plain,
-        residuals=np.append(plain.residuals, (at - centre) / strides),
-        jacobian=np.vstack([plain.jacobian, np.diag(1.0 / strides)]),
+        residuals=np.append(plain.residuals, (at - centre) / deviations),
+        jacobian=np.vstack([plain.jacobian, np.diag(1.0 / deviations)]),
     )
 
 
@@ -333,8 +340,7 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """A function to call with each iteration: it calls the user's, or shows the iteration in a
-    progress line while the context lasts."""
+    """Yield a function of an iteration that calls the user's function or shows a progress line."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -371,7 +377,7 @@ def _check(
     tolerance: float,
     check_runs: int,
 ) -> None:
-    remedy = "pass one set of measurements at least"
+    remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for one in measurements:
@@ -385,8 +391,8 @@ def _check(
             and np.array_equal(series.times, first[name].times)
             for name, series in one.series.items()
         )
-        expected = "of the channels and times of the first"
-        require(same, f"measurements[{k}]", list(one.series), expected, "fit it by itself")
+        expected = "measurements of the same channels and times as the first"
+        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
     times = first.times()
     check_start(start_time, times)
     ends = [start_time, *grow, times[-1]]
@@ -396,7 +402,7 @@ def _check(
         "grow",
         list(grow),
         f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s",
-        "leave out the last sample's time, which comes last by itself",
+        "leave out the time of the last sample, which is added",
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")

@@ -1,13 +1,14 @@
-"""Levenberg-Marquardt by optimistix, one step at a time.
+"""Levenberg-Marquardt search by optimistix, one step at a time.
 
 The caller computes residuals and Jacobian at each point that optimistix proposes, and optimistix
-sees their linear model in the place of the function. So a step is compiled once for each number of
-parameters, apart from the runs (`clearjoint.simulation.sensitivities`).
+works with their linear model instead of the function. A step is therefore compiled once for each
+number of parameters, separately from the runs (`clearjoint.simulation.run.sensitivities`).
 
-Where this differs from `optimistix.LevenbergMarquardt`: coordinates are scaled by the columns of
-the first Jacobian, so that damping means the same for all; the damping falls where the model did
-well, not only where it was all but exact; no step goes further than the scales' strides; and it
-ends when the Gauss-Newton step is a small part of the standard deviation of what is estimated.
+There are four differences from `optimistix.LevenbergMarquardt`. Coordinates are scaled by the
+column norms of the first Jacobian, so that damping affects all of them alike. The damping decreases
+if the linear model was good, not only if it was almost exact. No coordinate changes by more than
+its scale's `max_step`. The search ends when the Gauss-Newton step is a small fraction of the
+standard deviation of the estimates.
 """
 
 from collections.abc import Callable
@@ -27,14 +28,14 @@ from ..fields.conversion import on_device
 from ..math.vectors import Scalar
 
 PATIENCE = 15
-"""Rejected steps, each a quarter as long as the one before, after which no step will do."""
+"""Number of successive rejected steps, each a quarter of the previous length, that end a search."""
 SHORT = 1e-3
-"""Length of a step over the tolerance, in scaled coordinates, below which the search ends."""
+"""Length of a step relative to the tolerance, in scaled coordinates, below which a search ends."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
-if the step left is shorter, since errors of the integration allow no more."""
+below this step, because integration errors prevent a higher accuracy."""
 SINGULAR = 1e-12
-"""Singular value over the largest below which the data don't see a direction."""
+"""Singular value relative to the largest below which the data don't determine a direction."""
 
 
 class LinearisedMisfit(Protocol):
@@ -42,17 +43,18 @@ class LinearisedMisfit(Protocol):
 
     @property
     def coordinates(self) -> Float[np.ndarray, " p"]:
-        """Coordinates of the parameters, (p,)."""
+        """Point of the search, (p,): a parameter's coordinate is its value on its scale, such as
+        the logarithm of the value."""
         ...
 
     @property
     def residuals(self) -> Float[np.ndarray, " M"]:
-        """Prediction less measurement, (M,), in standard deviations of the noise."""
+        """Prediction minus measurement, (M,), in standard deviations of the noise."""
         ...
 
     @property
     def jacobian(self) -> Float[np.ndarray, "M p"]:
-        """Derivatives of the residuals along the coordinates, (M, p)."""
+        """Derivatives of the residuals with respect to the coordinates, (M, p)."""
         ...
 
 
@@ -60,31 +62,30 @@ E = TypeVar("E", bound=LinearisedMisfit)
 
 
 class Ending(Enum):
-    """How a search ended; the value is the message.
+    """Reason why a search ended; the value is a text.
 
-    >>> cj.Ending.CONVERGED.value
+    >>> cj.results.Ending.CONVERGED.value
     'converged'
     """
 
     CONVERGED = "converged"
-    STALLED = "no step improves the fit: the data may be rough there; fit growing windows first"
+    STALLED = "no step improves the fit: the misfit may be rough; fit growing windows first"
     EXHAUSTED = "the limit of iterations was reached"
     INTERRUPTED = "it was interrupted"
-    FAILED = "the best run that was found does not reach the last sample"
+    FAILED = "the best run does not reach the last sample"
 
 
 @dataclass(frozen=True)
 class Iteration:
     """One run of a search.
 
-    - `number`: from 0; `accepted`: whether it is the best so far.
+    - `number`: number of the run, from 0; `accepted`: whether it is the best run so far.
     - `chi_squared`, `coordinates` (p,): of this run.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.
-    - `trust`: in the linear model: one over the damping of Levenberg and Marquardt; where whole
-      steps are taken, the part of a step that the search begins with.
+    - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping.
 
-    >>> step = cj.Iteration(3, True, 101.2, coordinates=np.zeros(2), decrement=0.1, trust=1.0)
+    >>> step = cj.results.Iteration(3, True, 101.2, np.zeros(2), decrement=0.1, trust=1.0)
     >>> step.accepted
     True
     """
@@ -97,31 +98,34 @@ class Iteration:
     trust: float
 
 
-class _Strides(optx.AbstractDescent):
-    """A descent whose steps are clipped to the strides, (p,), so that a parameter that the data
-    hardly see stays near while the others are still far off."""
+class _ClippedDescent(optx.AbstractDescent):
+    """A descent whose steps are clipped to `limits` (p,).
+
+    Without limits, a parameter that the data hardly determine would run away while the other
+    parameters are still far from their estimates.
+    """
 
     descent: optx.DampedNewtonDescent
-    strides: jax.Array
+    limits: jax.Array
 
     def init(self, y: jax.Array, f_info_struct: PyTree) -> PyTree:
-        """The initial state of the inner descent."""
+        """Return the initial state of the inner descent."""
         return self.descent.init(y, f_info_struct)
 
     def query(self, y: jax.Array, f_info: PyTree, state: PyTree) -> PyTree:
-        """The inner descent's state at a new point."""
+        """Return the inner descent's state at a new point."""
         return self.descent.query(y, f_info, state)
 
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
-        """The inner descent's step, each coordinate no farther than its stride."""
+        """Return the clipped step of the inner descent."""
         step, result = self.descent.step(step_size, state)
-        return jnp.clip(step, -self.strides, self.strides), result
+        return jnp.clip(step, -self.limits, self.limits), result
 
 
 class _LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Ends by the Gauss-Newton step, or where it gets no farther."""
+    """Levenberg-Marquardt method that ends by the size of the Gauss-Newton step."""
 
-    descent: _Strides
+    descent: _ClippedDescent
     tolerance: jax.Array
     search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.7)
     rtol: float = 0.0
@@ -138,26 +142,27 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[jax.Array, optx.RESULTS]:
-        """Whether to end: the Gauss-Newton step or the last step is short, or none is better."""
+        """Return whether to end: a short Gauss-Newton step or last step, or no better point."""
         near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
         short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
-        tired = state.num_steps_since_acceptance >= PATIENCE
-        return near | short | tired, optx.RESULTS.successful
+        stuck = state.num_steps_since_acceptance >= PATIENCE
+        return near | short | stuck, optx.RESULTS.successful
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
-    """Length of the Gauss-Newton step in standard deviations of the estimates: the norm of the
-    residuals (M,), projected on the columns of the Jacobian (M, p)."""
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates.
+
+    It is the norm of the residuals (M,), projected on the columns of the Jacobian (M, p).
+    """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
 
 
 _Model = tuple[jax.Array, jax.Array, jax.Array]
-"""Coordinates (p,), residuals (M,) and Jacobian (M, p) there."""
+"""Coordinates (p,), and residuals (M,) and Jacobian (M, p) at them."""
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
-    """Residuals of the linear model at coordinates `y`."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 
@@ -169,12 +174,15 @@ def _initial_state(solver: _LevenbergMarquardt, y: jax.Array, model: _Model) -> 
 
 @Compiled
 def _advance(
-    y: jax.Array, arrays: PyTree, model: _Model, strides: jax.Array, tolerance: jax.Array
+    y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """One step: the best coordinates so far, the arrays of the solver's state, whether to end, and
-    the decrement. `arrays` of the state before, ``None`` at first."""
+    """Compute one step.
+
+    `arrays` are the arrays of the solver's state, ``None`` at first. **Returns:** the best
+    coordinates so far, the new arrays, whether to end, and the decrement.
+    """
     solver = _LevenbergMarquardt(
-        descent=_Strides(optx.DampedNewtonDescent(), strides), tolerance=tolerance
+        descent=_ClippedDescent(optx.DampedNewtonDescent(), limits), tolerance=tolerance
     )
     state = initial = _initial_state(solver, y, model)
     if arrays is not None:
@@ -188,32 +196,33 @@ def _advance(
 def search_with_damping(
     evaluate: Callable[[Float[np.ndarray, " p"]], E],
     start: Float[np.ndarray, " p"],
-    strides: Float[np.ndarray, " p"],
+    step_limits: Float[np.ndarray, " p"],
     tolerance: float,
     max_iterations: int,
     on_iteration: Callable[[Iteration], None],
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
-    """Search the least squares from a start (p,), and report every iteration.
+    """Minimise the sum of squares from a start (p,), and report every iteration.
 
-    **Returns:** the best evaluation, all iterations, and how it ended: a `KeyboardInterrupt` after
-    the first evaluation ends it too.
+    A `KeyboardInterrupt` after the first evaluation ends the search.
+
+    **Returns:** the best evaluation, all iterations, and the ending.
     """
     iterations: list[Iteration] = []
-    best = now = evaluate(start)
+    best = latest = evaluate(start)
     try:
-        scales = scales_of(now.jacobian)
+        scales = scales_of(latest.jacobian)
         y, arrays = on_device(start * scales), None
-        limits = on_device(strides * scales), on_device(tolerance)
+        limits = on_device(step_limits * scales), on_device(tolerance)
         while True:
-            model = on_device(now.coordinates * scales), *_triangular(now, scales)
+            model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
             y, arrays, done, length = _advance(y, arrays, model, *limits)
             accepted = int(arrays.num_steps_since_acceptance) == 0
-            best = now if accepted else best
+            best = latest if accepted else best
             iteration = Iteration(
                 len(iterations),
                 accepted,
-                float(now.residuals @ now.residuals),
-                now.coordinates,
+                float(latest.residuals @ latest.residuals),
+                latest.coordinates,
                 float(length),
                 float(arrays.search_state.step_size),
             )
@@ -224,22 +233,25 @@ def search_with_damping(
                 return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
             if len(iterations) == max_iterations:
                 return best, tuple(iterations), Ending.EXHAUSTED
-            now = evaluate(np.asarray(arrays.y_eval) / scales)
+            latest = evaluate(np.asarray(arrays.y_eval) / scales)
     except KeyboardInterrupt:
         return best, tuple(iterations), Ending.INTERRUPTED
 
 
 def scales_of(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, " p"]:
-    """Norms (p,) of the columns of a Jacobian (M, p); of a column of zeros, the largest norm."""
+    """Return the norms (p,) of the columns of a Jacobian (M, p); for zero columns, the largest."""
     norms = np.linalg.norm(jacobian, axis=0)
     largest = norms.max() if norms.max() > 0.0 else 1.0
     return np.where(norms > SINGULAR * largest, norms, largest)
 
 
-def _triangular(now: LinearisedMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Residuals and Jacobian in scaled coordinates, p + 1 rows: rotated by the QR decomposition,
-    which changes no length, so that one program serves data of all sizes."""
-    table = np.column_stack([now.jacobian / scales, now.residuals])
+def _triangular(misfit: LinearisedMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    """Return residuals and Jacobian in scaled coordinates, reduced to p + 1 rows.
+
+    The QR decomposition rotates the rows and keeps all norms, so that one compiled program serves
+    data of all sizes.
+    """
+    table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")
     rows[: len(triangle)] = triangle

@@ -1,8 +1,8 @@
-"""How chi squared behaves around a minimum: comparison with the quadratic model behind the
-covariance, and confidence intervals where that model fails.
+"""Chi squared around a minimum: test of the quadratic model, and intervals where it fails.
 
-Nothing here runs a scene: chi squared and local searches come in as functions
-(`clearjoint.identification.checking` makes them of runs).
+The covariance of a fit assumes that chi squared is quadratic around the minimum. This module runs
+no scene: chi squared and local searches are arguments (`clearjoint.identification.checking` makes
+them from runs).
 """
 
 import math
@@ -16,28 +16,27 @@ from jaxtyping import Bool, Float
 from .screening.level_sets import among, apart
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
-"""Standard errors by which test points lie off the minimum along each direction."""
+"""Distances of the test points from the minimum along each direction, in standard errors."""
 DRAWN = 8
-"""Test points drawn at random, for each parameter."""
+"""Number of random test points for each parameter."""
 LESS, MORE, FLOOR = 1.5, 2.0, 0.5
-"""Chi squared agrees with the quadratic model if its rise is at most so many times less, or more,
-than the predicted one, give or take the floor. The limit is closer for less: behind a rise that
-slackens there may be another minimum."""
+"""Chi squared agrees with the quadratic model if its rise is between predicted / LESS - FLOOR and
+predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
+another minimum."""
 MANY = 0.1
-"""Share of the test points that must differ for the samples so far to lie past the horizon."""
+"""Share of the test points that must disagree at the horizon."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of the normal distributions from which points are drawn."""
 KEPT = 32
-"""Points with the smallest chi squared among which the next round draws, at least."""
+"""Minimum number of points with the smallest chi squared from which the next round draws."""
 WORTH = 3.0
-"""Rise of chi squared, over that at the ends of an interval, up to which points are kept beyond
-these."""
+"""Rise of chi squared, relative to `RISE`, up to which more points than `KEPT` are kept."""
 DESCENTS = 6
-"""Local searches of a round."""
+"""Number of local searches in a round."""
 SETTLED = 0.05
-"""Growth of the intervals in a round, over their width, below which they have settled."""
+"""Growth of the intervals in a round, relative to their width, below which they are final."""
 
 
 def displacements(
@@ -45,12 +44,12 @@ def displacements(
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "n p"]:
-    """Displacements (n, p) from a minimum at which to test its quadratic model.
+    """Return displacements (n, p) from a minimum at which to test its quadratic model.
 
-    They lie ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
+    Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
     smallest chi squared for that value of the parameter, and along each eigenvector of the
-    covariance in units of the standard errors; and some are drawn from the covariance, as it is and
-    with twice the standard errors. None is longer than the `limits` (p,) in any coordinate.
+    correlation matrix. Others are drawn from the covariance, with once and twice the standard
+    errors. No displacement exceeds the `limits` (p,) in any coordinate.
     """
     errors = np.sqrt(np.diag(covariance))
     axes = [covariance / errors]
@@ -66,7 +65,7 @@ def displacements(
 def within(
     offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, "m p"]:
-    """Offsets (n, p) shortened to the limits (p,); those of no length are left out."""
+    """Return offsets (n, p), shortened to the limits (p,), without those of zero length."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
     shortened = offsets * np.minimum(shares.min(axis=1), 1.0)[:, None]
@@ -74,7 +73,7 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """A root R of a covariance R R^T, which may be singular."""
+    """Return a root R of a covariance R R^T, which may be singular."""
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -82,33 +81,33 @@ def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 
 @dataclass(frozen=True)
 class QuadraticTest:
-    """Chi squared at points around a minimum beside what the quadratic model predicts.
+    """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
 
-    - `predicted`: (n,) rise over the minimum by the model, the square of the distance in standard
-      errors.
-    - `found`: (n,) rise in runs.
-    - `horizon`: s, time of the first sample from which on the rise differs at a tenth of the points
-      or more; infinite if the model holds to the end.
+    - `predicted`: (n,) rise over the minimum by the model, which is the square of the distance in
+      standard errors.
+    - `actual`: (n,) rise in runs.
+    - `horizon`: s, time of the first sample from which on the rise disagrees at a tenth of the
+      points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
-    found: Float[np.ndarray, " n"]
+    actual: Float[np.ndarray, " n"]
     horizon: float
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """(n,) whether the rise is not the predicted one, by a factor of 1.5 less or of 2 more."""
-        return _differing(self.predicted, self.found)
+        """Whether the rise disagrees with the model: too small by 1.5 or too large by 2, (n,)."""
+        return _differing(self.predicted, self.actual)
 
     @property
     def passed(self) -> bool:
-        """Whether the rise is the predicted one at all points."""
+        """Whether the rise agrees with the model at all points."""
         return not self.differing.any()
 
 
-def _differing(predicted: np.ndarray, found: np.ndarray) -> np.ndarray:
+def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
     low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
-    return ~((found >= low) & (found <= high))
+    return ~((actual >= low) & (actual <= high))
 
 
 def tested(
@@ -121,27 +120,31 @@ def tested(
 ) -> QuadraticTest:
     """Compare runs at points around a minimum with the quadratic model.
 
-    **Arguments:** `residuals` of S series at T `times`, s, and their `jacobian` at the minimum;
-    `offsets`: of the points; `moved`: the residuals there; `near`: which of the points are so near
-    on the scales of the parameters that the motion, and not the scale, bends chi squared there.
+    **Arguments:**
+
+    - `residuals`, `jacobian`: of S series at T `times`, s, at the minimum.
+    - `offsets`: distances of the points from the minimum.
+    - `moved`: residuals at the points.
+    - `near`: whether a point is so near that the nonlinearity of the scales is negligible there.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
-    found = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
-    # Up to a time before the last, residuals have a slope at the minimum of the whole record.
+    actual = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
+    # The minimum of the whole record is no minimum of a part of it: chi squared of the samples up
+    # to an earlier time has a slope there, which is subtracted.
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
-    differing = _differing(predicted, found - slope)[near]
+    differing = _differing(predicted, actual - slope)[near]
     late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
     return QuadraticTest(
         predicted[:, -1],
-        found[:, -1],
+        actual[:, -1],
         float(times[late[0]]) if late.size else math.inf,
     )
 
 
 @dataclass(frozen=True)
 class LocalMinimum:
-    """A minimum that a local search found: coordinates (p,), chi squared, and covariance (p, p)."""
+    """Minimum found by a local search: coordinates (p,), chi squared, and covariance (p, p)."""
 
     coordinates: Float[np.ndarray, " p"]
     chi_squared: float
@@ -150,10 +153,11 @@ class LocalMinimum:
 
 @dataclass(frozen=True)
 class Exploration:
-    """Points around a minimum, and the minima that local searches found from the lowest of them.
+    """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    `points` (n, p) with their `chi_squared` (n,); `rounds` of drawing; `settled`: whether the last
-    round widened no interval by more than a twentieth.
+    - `points`: (n, p), with their `chi_squared` (n,).
+    - `rounds`: number of rounds in which points were drawn.
+    - `settled`: whether the last round widened every interval by less than a twentieth.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -164,19 +168,21 @@ class Exploration:
 
     @property
     def lowest(self) -> float:
-        """The smallest chi squared of all points and minima."""
+        """Smallest chi squared of all points and minima."""
         return min(float(self.chi_squared.min()), *(one.chi_squared for one in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Lower and upper ends (p,) of the 95 % intervals: they hold every point whose chi squared
-        is at most 3.84 above the lowest, and the interval of each minimum by its own covariance,
-        the narrower the higher that minimum."""
-        held = self.chi_squared <= self.lowest + RISE
-        lows, highs = [self.points[held]], [self.points[held]]
+        """Return lower and upper ends (p,) of the 95 % intervals.
+
+        They contain every point with a chi squared at most 3.84 above the lowest, and the interval
+        of each minimum by its own covariance, which is narrower for a larger chi squared.
+        """
+        allowed = self.chi_squared <= self.lowest + RISE
+        lows, highs = [self.points[allowed]], [self.points[allowed]]
         for one in self.minima:
-            left = RISE - (one.chi_squared - self.lowest)
-            if left >= 0.0:
-                half = np.sqrt(left * np.diag(one.covariance))
+            excess = RISE - (one.chi_squared - self.lowest)
+            if excess >= 0.0:
+                half = np.sqrt(excess * np.diag(one.covariance))
                 lows.append((one.coordinates - half)[None])
                 highs.append((one.coordinates + half)[None])
         return np.concatenate(lows).min(axis=0), np.concatenate(highs).max(axis=0)
@@ -193,17 +199,21 @@ def explore(
     likely: float,
     generator: np.random.Generator,
 ) -> Exploration:
-    """Search the surroundings of a minimum for all points with a chi squared about as small.
+    """Search the neighbourhood of a minimum for all points with a similar chi squared.
 
-    The first round draws `number` points from normal distributions with the given covariances,
-    each with its standard errors once, twice and four times as large. Each further round draws half
-    as many among the lowest points so far, and as many again around a minimum that has turned out
-    lower. After every round, local searches start from some of
-    the lowest points that lie apart from each other and from the minima found before. It ends when
-    the intervals have settled and noise explains the lowest chi squared, or after so many rounds.
+    The first round draws `number` points from normal distributions with the given covariances, with
+    once, twice and four times their standard errors. Each further round draws half as many points
+    among the lowest ones so far, and as many again around a new, lower minimum. After every round,
+    local searches start from some of the lowest points that are far from each other and from the
+    known minima. The search ends when the intervals have settled and noise explains the lowest chi
+    squared, or after `rounds`.
 
-    **Arguments:** `chi_squared` at points; `descend`: a local search from a point; `limits` (p,):
-    how far points may lie from the minimum; `likely`: the largest chi squared that noise explains.
+    **Arguments:**
+
+    - `chi_squared`: chi squared (n,) at points (n, p).
+    - `descend`: local search from a point.
+    - `limits`: (p,) largest distance of points from the minimum.
+    - `likely`: largest chi squared that noise explains.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
@@ -220,37 +230,44 @@ def explore(
     for count in range(1, rounds + 1):
         points = np.concatenate([points, fresh])
         values = np.concatenate([values, chi_squared(fresh)])
+        # At least `KEPT` points, and all of a chi squared that is worth exploring.
         order = np.argsort(values, kind="stable")
         low_enough = int((values <= values.min() + WORTH * RISE).sum())
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
+        # Local searches from points in known minima would only find these minima again.
         candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
         several = len(candidates) > 1
         chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
-        found = [descend(candidates[k]) for k in chosen]
-        now = Exploration(points, values, (*minima, *found), count, True)
-        low, high = now.intervals()
-        held = [one for one in found if one.chi_squared <= now.lowest + RISE]
-        new = [a for a in held if not any(inside(b, a.coordinates) for b in minima)]
-        minima += found
+        descended = [descend(candidates[k]) for k in chosen]
+        explored = Exploration(points, values, (*minima, *descended), count, True)
+        low, high = explored.intervals()
+        relevant = [one for one in descended if one.chi_squared <= explored.lowest + RISE]
+        new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
+        minima += descended
         lower = min(minima, key=lambda one: one.chi_squared)
-        moved = best.chi_squared - lower.chi_squared
+        decrease = best.chi_squared - lower.chi_squared
         best = lower
-        if before is not None and not new and now.lowest <= likely:
+        if before is not None and not new and explored.lowest <= likely:
             grown = np.maximum(before[0] - low, high - before[1]) / (high - low)
             if (grown < SETTLED).all():
-                return now
+                return explored
         before = low, high
-        near = [one.coordinates for one in minima if one.chi_squared <= now.lowest + WORTH * RISE]
+        limit = explored.lowest + WORTH * RISE
+        near = [one.coordinates for one in minima if one.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
         fresh = among(kept, number // 2, 2 * (p + 1), bounds, generator)
-        if moved > RISE or now.lowest > likely:  # the first points lay around another minimum
+        # If the minimum has moved, the first points were drawn around the wrong one.
+        if decrease > RISE or explored.lowest > likely:
             again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
             fresh = np.concatenate([fresh, again])
-    return replace(now, settled=False)
+    return replace(explored, settled=False)
 
 
 def inside(minimum: LocalMinimum, point: Float[np.ndarray, " p"]) -> bool:
-    """Whether a point is so near a minimum that a search from it would end there."""
+    """Return whether a point is within one standard error of a minimum.
+
+    A search from there would end in this minimum.
+    """
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
     scaled = minimum.covariance / np.outer(errors, errors)

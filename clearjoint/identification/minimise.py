@@ -1,4 +1,4 @@
-"""Parameters that minimise any function of what is measured along a motion, by optax."""
+"""Minimisation of any function of a motion's outputs by optax."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..quantities.base import Quantity
-from ..results import RESULTS
-from ..simulation.settings import Settings
+from ..result_codes import RESULTS
+from ..simulation.step.settings import Settings
 from .residuals import experiment
 
 if TYPE_CHECKING:
@@ -28,18 +28,18 @@ Objective = Callable[[dict[str, jax.Array]], jax.Array]
 
 @dataclass(frozen=True)
 class Minimum:
-    """The parameters with the smallest objective of all runs.
+    """Parameters with the smallest objective of all runs.
 
-    - `estimates`: their values by name; `coordinates`: (p,) on their scales.
-    - `objective`: its value there; `history`: (iterations,) its values in all runs.
+    - `estimates`: values by name; `coordinates`: (p,) on their scales.
+    - `objective`: smallest value; `history`: (iterations,) values in all runs.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
     ...     return outputs["x"][-1]
-    >>> found = cj.minimise(
+    >>> minimum = cj.minimise(
     ...     scene, state, lowest, {"stiffness": stiffness}, {"x": x}, times, iterations=3
     ... )
-    >>> found.history.shape
+    >>> minimum.history.shape
     (3,)
     """
 
@@ -63,25 +63,27 @@ def minimise(
     iterations: int = 100,
     start_time: float = 0.0,
 ) -> Minimum:
-    """Minimise an objective that is no sum of squares (for those, `identify` needs far fewer runs).
+    """Minimise an objective by gradient descent.
+
+    For sums of squares use `identify`, which needs far fewer runs.
 
     **Arguments:**
 
     - `scene`, `state`, `settings`, `start_time` s: as in `identify`.
     - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
-    - `parameters`: what is free, by name; it starts from the scene's values.
-    - `outputs`: functions of an `Instant` by name; `times`: (N,) s, rising, at which they are seen.
-    - `optimiser`: of optax, for coordinates of the scales; `optax.adam(0.05)` unless given.
-    - `iterations`: number of runs. It ends earlier at a run that does not reach all times.
+    - `parameters`: the free parameters by name; the search starts from the values in the scene.
+    - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
+    - `optimiser`: an optax optimiser of the coordinates; by default `optax.adam(0.05)`.
+    - `iterations`: number of runs. The search ends earlier if a run does not reach all times.
 
-    **Raises:** `ValueError` for arguments that no run can use, and if the first run fails.
+    **Raises:** `ValueError` for unsupported arguments, and if the first run fails.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)
-    >>> found = cj.minimise(
+    >>> minimum = cj.minimise(
     ...     scene, state, squares, {"stiffness": stiffness}, {"x": x}, times, iterations=60
     ... )
-    >>> print(f"{found.estimates['stiffness']:.0f} N/m")  # 12^2
+    >>> print(f"{minimum.estimates['stiffness']:.0f} N/m")  # 12^2
     144 N/m
     """
     import optax
@@ -92,7 +94,7 @@ def minimise(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     gradient = jax.jit(jax.value_and_grad(objective))
     at = jnp.asarray(coordinates_of(scene, state, parameters))
-    memory = optimiser.init(at)
+    optimiser_state = optimiser.init(at)
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
@@ -105,10 +107,11 @@ def minimise(
         history.append(float(value))
         best = at if float(value) <= min(history) else best
         along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
-        step, memory = optimiser.update(jnp.asarray(along), memory, at)
+        step, optimiser_state = optimiser.update(jnp.asarray(along), optimiser_state, at)
         at = jnp.asarray(optax.apply_updates(at, step))
     remedy = "start from parameters with which the scene runs to the last of the times"
-    require(bool(history), "parameters", RESULTS[result], "such that the first run works", remedy)
+    expected = "parameters for which the first run succeeds"
+    require(bool(history), "parameters", RESULTS[result], expected, remedy)
     coordinates = np.asarray(best)
     pairs = zip(parameters.items(), coordinates, strict=True)
     estimates = {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}

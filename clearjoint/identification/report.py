@@ -1,4 +1,4 @@
-"""A fit as text: the parts of its report."""
+"""Tables of a fit's report, as text."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ def estimates_table(
     intervals: Mapping[str, tuple[float, float]],
     units: Mapping[str, str],
 ) -> str:
-    """A row for each parameter: its estimate, standard error, confidence interval and unit."""
+    """Return a table of the parameters: estimate, standard error, interval and unit."""
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
@@ -27,7 +27,7 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """Significant digits that show two of the error."""
+    """Return the number of digits of a value that shows two digits of its error."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
@@ -40,7 +40,7 @@ def series_table(
     whiteness: Mapping[str, float],
     normality: Mapping[str, float],
 ) -> str:
-    """A row for each series: its number of samples, and the tests of its residuals."""
+    """Return a table of the series: number of samples and tests of the residuals."""
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     for name, row in residuals.items():
         cells = [f"{rms[name]:.3f}", f"{whiteness[name]:.2g}", f"{normality[name]:.2g}"]
@@ -49,7 +49,7 @@ def series_table(
 
 
 def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"]) -> str:
-    """Correlations (p, p) of the estimates, by name."""
+    """Return a table of the correlations (p, p) of the estimates."""
     rows = [["correlation", *names]]
     for name, row in zip(names, correlation, strict=True):
         rows.append([name, *(f"{number:.4f}" for number in row)])
@@ -57,12 +57,12 @@ def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"
 
 
 def numbered(sentences: Sequence[str]) -> str:
-    """Sentences as a list with numbers."""
+    """Return sentences as a numbered list."""
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(sentences, 1))
 
 
 def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[Screened]) -> str:
-    """A row for each search, the best one with a star, behind a line on the screening, if any."""
+    """Return a table of the searches, the best one with a star, after a line on the screening."""
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(searches):
         mark = " *" if search is best else ""
@@ -73,4 +73,4 @@ def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[
         return table
     runs = sum(one.runs for one in screened)
     rounds = sum(len(one.times) for one in screened)
-    return f"from screening by {runs} runs in {rounds} rounds:\n{table}"
+    return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"

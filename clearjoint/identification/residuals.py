@@ -1,13 +1,12 @@
-"""Residuals, predictions less measurements, as functions of the parameters' coordinates.
+"""Residuals, predictions minus measurements, as functions of the parameters' coordinates.
 
-A run gives values and all their derivatives at once, error-controlled
-(`clearjoint.simulation.sensitivities`). `predictions` hands both to JAX by a rule of
-differentiation, so that `jax.linearize`, `jax.grad` and every optimiser built on them see these
-derivatives at the cost of one run.
+A run computes values and all their derivatives together, with error control
+(`clearjoint.simulation.run.sensitivities`). `predictions` has a custom differentiation rule, so
+that `jax.linearize`, `jax.grad` and optimisers use these derivatives at the cost of one run.
 
-Runs at several coordinates are made one after the other. With derivatives, side by side under
-`jax.vmap` they take longer (1.3 times with 8 runs, 3 times with 50), since they wait for each other
-at each sample, and minutes to compile.
+Runs at several coordinates are made one after the other. With derivatives, a `jax.vmap` of them
+would take longer (1.3 times with 8 runs, 3 times with 50), because the runs wait for each other at
+each sample, and would take minutes to compile.
 """
 
 from collections.abc import Mapping
@@ -31,31 +30,32 @@ from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parame
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..parametrisation.variations import MadeByFunction, SeriesDelay, unchanged
 from ..quantities.base import Quantity
-from ..results import RESULTS
-from ..simulation import presets
-from ..simulation.derivative_runs import derivative_scheme
-from ..simulation.method import Scheme
-from ..simulation.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
-from ..simulation.sensitivities import check_outputs
-from ..simulation.settings import Settings, settings_or
-from ..simulation.spans import check_span, checked_times
+from ..result_codes import RESULTS
+from ..simulation.run.derivative_runs import derivative_scheme
+from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
+from ..simulation.run.sensitivities import check_outputs
+from ..simulation.step import presets
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings, settings_or
+from ..simulation.step.spans import check_span, checked_times
 
 APART = 1e-7
-"""Distance, s, of the instants whose difference tells how fast a delayed output changes: short
-beside contacts, long beside the rounding of times."""
+"""Time step, s, of the difference quotient for the rate of a delayed output: short compared with
+contacts, long compared with the rounding of times."""
 UNREACHED = 1e6
-"""Residual of a sample that the run did not reach, in standard deviations: so large that an
-optimiser turns back."""
+"""Residual, in standard deviations, of a sample that the run did not reach: large enough that an
+optimiser rejects the step."""
 
 
 class Experiment(eqx.Module):
-    """Runs of a scene at any values of its parameters, observed as it is measured.
+    """Runs of a scene for any values of its parameters, with the outputs of the measurements.
 
-    - `family`: scene and initial state as functions of the parameters. Its own `values` are not
-      used; `run` takes coordinates.
-    - `outputs`: what is measured, by name; `names` are these in the order of arrays.
-    - `times`: (T,) s, rising, the last one repeated up to one of few numbers of times.
-    - `delays`: of each delay among the parameters its number, and the names of its outputs.
+    - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
+      `run` takes coordinates.
+    - `outputs`: measured outputs by name; `names` has their order in arrays.
+    - `times`: (T,) s, rising; the last one is repeated up to one of a few lengths, so that programs
+      are reused.
+    - `delays`: index of each delay among the parameters, and the names of its outputs.
     - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
     """
 
@@ -70,13 +70,15 @@ class Experiment(eqx.Module):
     delays: tuple[tuple[int, tuple[str, ...]], ...] = eqx.field(static=True, default=())
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
-        """The outputs and their derivatives along a run at coordinates (p,), up to a time, s; later
-        if an output leads. Outputs are those at the times less their delays."""
+        """Run at coordinates (p,) up to a time, s, and return outputs with their derivatives.
+
+        Outputs are taken at the times minus their delays. The run is longer for negative delays.
+        """
         if not self.delays:
             return self._sampled(coordinates, self.times, on_device(end_time))
         instants, end = _instants(self, on_device(coordinates), on_device(end_time))
-        found = self._sampled(coordinates, instants.rising, end)
-        return _delayed(self, on_device(coordinates), instants, found)
+        sampled = self._sampled(coordinates, instants.rising, end)
+        return _delayed(self, on_device(coordinates), instants, sampled)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
         return sampled_compiled(
@@ -92,21 +94,24 @@ class Experiment(eqx.Module):
         )
 
     def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """The value, s, of a delay at coordinates (..., p)."""
+        """Return the value, s, of a delay at coordinates (..., p)."""
         return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
 
 
 class _Instants(eqx.Module):
-    """Times at which a run with delays is looked at.
+    """Times at which a run with delays is sampled.
 
-    - `rising`: (N,) all of them, s.
-    - `own`: (T,) where the times without a delay are among these.
-    - `at`, `before`, `after`: (T,) by the number of a delay, where the times less it are, and those
-      a little earlier and later; `inside`: which of them are after the start.
+    - `rising`: (N,) all times, s.
+    - `undelayed`: (T,) indices in `rising` of the times without delay.
+    - `at`, `before`, `after`: by number of a delay, (T,) indices in `rising` of the delayed times
+      and of times slightly earlier and later.
+    - `inside`: by number of a delay, (T,) whether the delayed times are at or after the start.
+
+    A delay's number is its index among the parameters.
     """
 
     rising: jax.Array
-    own: jax.Array
+    undelayed: jax.Array
     at: dict[int, jax.Array]
     before: dict[int, jax.Array]
     after: dict[int, jax.Array]
@@ -117,44 +122,62 @@ class _Instants(eqx.Module):
 def _instants(
     runs: Experiment, coordinates: jax.Array, end_time: jax.Array
 ) -> tuple[_Instants, jax.Array]:
-    """Times at which to look, and the end of the run, s."""
-    values = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
-    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(values.values()))))
-    own = jnp.minimum(runs.times, end_time)
-    rows, inside = [own], {}
-    for number, delay in values.items():
-        shifted = own - delay
-        inside[number] = shifted >= runs.start_time
-        rows += [jnp.clip(shifted + d, runs.start_time, end) for d in (0.0, -APART, APART)]
-    every = jnp.concatenate(rows)
-    order = jnp.argsort(every)
-    places = jnp.argsort(order).reshape(len(rows), -1)
-    where = {n: places[1 + 3 * k : 4 + 3 * k] for k, n in enumerate(values)}
-    at, before, after = ({n: rows[k] for n, rows in where.items()} for k in range(3))
-    return _Instants(every[order], places[0], at, before, after, inside), end
+    """Return the times at which to sample a run with delays, and the end of the run, s.
+
+    A delayed output is needed at the sample times minus its delay, and slightly before and after
+    these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
+
+    **Arguments:** `coordinates`: (p,); `end_time`: s, time of the last sample to compare.
+    """
+    delays = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
+    # A series with a negative delay is compared with the motion after its last sample.
+    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(delays.values()))))
+    # Samples after the end time have no weight. Their times are replaced by the end time, because
+    # the run does not reach them.
+    undelayed = jnp.minimum(runs.times, end_time)
+    # One row (T,) for the undelayed times, then three for each delay: at, before and after.
+    rows, inside = [undelayed], {}
+    for number, delay in delays.items():
+        delayed = undelayed - delay
+        inside[number] = delayed >= runs.start_time
+        # The run has no motion before its start and after its end.
+        rows += [jnp.clip(delayed + shift, runs.start_time, end) for shift in (0.0, -APART, APART)]
+    unsorted = jnp.concatenate(rows)
+    order = jnp.argsort(unsorted)
+    # The inverse permutation has the index of each time in the sorted array.
+    row_indices = jnp.argsort(order).reshape(len(rows), -1)
+    at, before, after = (
+        {number: row_indices[1 + 3 * k + part] for k, number in enumerate(delays)}
+        for part in range(3)
+    )
+    return _Instants(unsorted[order], row_indices[0], at, before, after, inside), end
 
 
 @Compiled
 def _delayed(
-    runs: Experiment, coordinates: jax.Array, instants: _Instants, found: Sampled
+    runs: Experiment, coordinates: jax.Array, instants: _Instants, sampled: Sampled
 ) -> Sampled:
-    """Outputs and derivatives at the times less their delays, of what was found at all instants;
-    NaN where the run did not come so far."""
+    """Return outputs, (T,) each, and derivatives, (T, p) each, at the times minus their delays.
+
+    Outputs are NaN at times that the run did not reach.
+
+    **Arguments:** `sampled`: the run's outputs at `instants.rising`.
+    """
     delay_of = {name: number for number, names in runs.delays for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
-        seen = jnp.where(found.reached, found.values[name], jnp.nan)
+        output_values = jnp.where(sampled.reached, sampled.values[name], jnp.nan)
         number = delay_of.get(name)
         if number is None:
-            values[name], derivatives[name] = (
-                seen[instants.own],
-                found.derivatives[name][instants.own],
-            )
+            values[name] = output_values[instants.undelayed]
+            derivatives[name] = sampled.derivatives[name][instants.undelayed]
             continue
         at, before, after = (
             rows[number] for rows in (instants.at, instants.before, instants.after)
         )
-        change = seen[after] - seen[before]
+        # The derivative with respect to the delay is minus the rate of the output, from a central
+        # difference. Before the start the state is constant, so the rate is zero.
+        change = output_values[after] - output_values[before]
         period = getattr(output, "period", None)
         if period is not None:
             change = change - period * jnp.round(change / period)
@@ -162,12 +185,12 @@ def _delayed(
         rate = jnp.where(instants.inside[number], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.family.scales[number]
         slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
-        values[name] = seen[at]
-        derivatives[name] = found.derivatives[name][at].at[:, number].add(-rate * slope)
-    reached = jnp.ones_like(instants.own, bool)
+        values[name] = output_values[at]
+        derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
+    reached = jnp.ones_like(instants.undelayed, bool)
     return eqx.tree_at(
         lambda run: (run.values, run.derivatives, run.reached),
-        found,
+        sampled,
         (values, derivatives, reached),
     )
 
@@ -181,7 +204,7 @@ def experiment(
     start_time: float,
     settings: Settings | None,
 ) -> Experiment:
-    """Runs of a scene at any values of `parameters`, with `outputs` at rising times (N,), s."""
+    """Return runs of a scene for any values of `parameters`, with `outputs` at times (N,), s."""
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
@@ -191,6 +214,7 @@ def experiment(
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
     delays = _delays(parameters, outputs)
+    # In the family of scenes, a delay is a parameter that changes nothing.
     still = MadeByFunction(unchanged, "s")
     in_scene = {
         name: Parameter(still, parameter.scale, value=0.0) if number in dict(delays) else parameter
@@ -213,26 +237,26 @@ def experiment(
 def _delays(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, Quantity]
 ) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """The numbers of the delays among the parameters, and the outputs that each is of."""
-    found, taken = [], set()
+    """Return the index of each delay among the parameters, with the names of its outputs."""
+    delays, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         if isinstance(parameter.variation, SeriesDelay):
             names = parameter.variation.series
             for name in names:
-                one = f"parameters[{label!r}]"
+                argument = f"parameters[{label!r}]"
                 known = f"a delay of measured series: {', '.join(outputs)}"
-                require(name in outputs, one, name, known, "correct the name of the series")
-                once = "the only delay of its series"
-                require(name not in taken, one, name, once, "leave the series out of one of them")
+                require(name in outputs, argument, name, known, "correct the name of the series")
+                once, remedy = "the only delay of its series", "remove the series from one delay"
+                require(name not in taken, argument, name, once, remedy)
                 taken.add(name)
-            found.append((number, names))
-    return tuple(found)
+            delays.append((number, names))
+    return tuple(delays)
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:
-    """Check that a run begins before the first of the rising times of samples, or with it."""
+    """Check that a run does not begin after the first of the rising times of samples."""
     expected = f"no later than the first sample, at {times[0]} s"
-    remedy = "start earlier, or leave samples out: measurements.between(...)"
+    remedy = "start earlier, or leave samples out by measurements.between(...)"
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
 
 
@@ -240,8 +264,11 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 def predictions(
     coordinates: Float[np.ndarray | jax.Array, " p"], runs: Experiment, end_time: Scalar
 ) -> Float[jax.Array, "S T"]:
-    """The S outputs at T times, in the order of `runs.names`; NaN at times that the run did not
-    reach. Differentiable along the coordinates."""
+    """Return the S outputs at T times, in the order of `runs.names`.
+
+    They are NaN at times that the run did not reach. The function is differentiable with respect to
+    the coordinates.
+    """
     return _arrays(runs, runs.run(coordinates, end_time))[0]
 
 
@@ -255,8 +282,7 @@ def _predictions_along(
 
 
 def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
-    """Values (S, T) and derivatives (S, T, p) of a run; at times that it did not reach NaN and
-    zero."""
+    """Return values (S, T) and derivatives (S, T, p) of a run; NaN and zero if not reached."""
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
     fine = run.reached & jnp.isfinite(values)
@@ -267,8 +293,8 @@ def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
 class Samples(eqx.Module):
     """Measurements of S series at the union of their times.
 
-    - `values`: in SI; `weights`: one over the noise, zero where a series has no sample.
-    - `periods`: of each series, such as 2 pi of an angle; ``None`` if it has none.
+    - `values`: in SI; `weights`: inverse of the noise, zero where a series has no sample.
+    - `periods`: period of each series, such as 2 pi for an angle, or ``None``.
     """
 
     values: Float[np.ndarray, "S T"]
@@ -281,13 +307,15 @@ class Samples(eqx.Module):
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
-        """The samples no later than `end_time`, s, from the times (T,) of all."""
+        """Return the samples up to `end_time`, s; `times` (T,) are the times of all samples."""
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """(Prediction - value) / noise; zero where there is no sample, and `UNREACHED` where the
-        prediction is NaN."""
+        """Return (prediction - value) / noise.
+
+        It is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
+        """
         difference = predicted - self.values
         rows = [
             row if period is None else row - period * jnp.round(row / period)
@@ -299,7 +327,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """The series at the union of their times, padded to `count` times without samples."""
+    """Return the series at the union of their times, padded to `count` times without samples."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -315,8 +343,10 @@ def residuals(
     data: Samples,
     end_time: Scalar,
 ) -> Float[jax.Array, " M"]:
-    """Predictions less measurements, in standard deviations of the noise, series after series.
-    Differentiable along the coordinates."""
+    """Return predictions minus measurements in standard deviations, series after series.
+
+    The function is differentiable with respect to the coordinates.
+    """
     return data.residuals(predictions(coordinates, runs, end_time)).ravel()
 
 
@@ -324,10 +354,10 @@ def residuals(
 class RunMisfit:
     """Residuals and their Jacobian from one run.
 
-    - `coordinates`: of the parameters in the run.
-    - `residuals`: in standard deviations; `jacobian`: their derivatives along the coordinates.
-    - `predicted`: the values of the outputs, SI.
-    - `result`: `RESULTS` code of the run; `time`: s, where it ended; `attempts`: steps tried.
+    - `coordinates`: coordinates of the parameters.
+    - `residuals`: in standard deviations; `jacobian`: their derivatives.
+    - `predicted`: values of the outputs, SI.
+    - `result`: `RESULTS` code of the run; `time`: its end, s; `attempts`: steps tried.
     """
 
     coordinates: Float[np.ndarray, " p"]
@@ -347,7 +377,7 @@ class RunMisfit:
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
 ) -> RunMisfit:
-    """Residuals and their Jacobian at coordinates (p,), from one run up to a time, s."""
+    """Return residuals and their Jacobian at coordinates (p,), from one run up to a time, s."""
     run = runs.run(coordinates, end_time)
     values, jacobian = _weighted(runs, run, data)
     return RunMisfit(

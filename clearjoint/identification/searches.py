@@ -1,5 +1,6 @@
-"""Searches for the best fit: one from each start, over growing windows of the record."""
+"""Results of searches for the best fit: one from each start, over growing windows."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from .residuals import RunMisfit
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """The search over the samples up to `end_time`, s: its iterations and how it ended."""
+    """Search over the samples up to `end_time`, s: its iterations and its ending."""
 
     end_time: float
     iterations: tuple[Iteration, ...]
@@ -20,10 +21,10 @@ class WindowSearch:
 
 @dataclass(frozen=True)
 class Search:
-    """The search from one start.
+    """Search from one start.
 
-    - `start`: (p,) its coordinates.
-    - `windows`: the searches over growing windows of the record, one after the other.
+    - `start`: (p,) coordinates of the start.
+    - `windows`: the successive searches over growing windows of the record.
     - `best`: the run with the smallest misfit in the last window.
     """
 
@@ -33,10 +34,15 @@ class Search:
 
     @property
     def ending(self) -> Ending:
-        """How the last window's search ended."""
+        """Ending of the last window's search."""
         return self.windows[-1].ending
 
     @property
     def evaluations(self) -> int:
         """Number of runs in all windows."""
         return sum(len(window.iterations) for window in self.windows)
+
+
+def best_search(searches: Iterable[Search]) -> Search:
+    """Return the search with the smallest chi squared; the first of equal ones."""
+    return min(searches, key=lambda search: search.best.chi_squared)

@@ -1,4 +1,4 @@
-"""Coordinates from which searches begin."""
+"""Starts of searches: guesses, and starts drawn around them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ Guess = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Starts:
-    """A number of starts: the first guess, and others drawn around it.
+    """Several starts: the first guess, and others drawn around it.
 
     **Arguments:**
 
-    - `number`: how many starts, the guess included.
-    - `spread`: how far a start may be from the guess, in the coordinates of the scales (of a `Log`
-      scale, 1 is a factor of e both ways); one number, or one by parameter. Starts are uniformly
-      distributed up to there.
-    - `seed`: of the random numbers.
+    - `number`: number of starts, including the guess.
+    - `spread`: largest distance of a start from the guess, in the coordinates of the scales (on a
+      `Log` scale, 1 is a factor of e in both directions); one number, or one for each parameter.
+      Starts are uniformly distributed within this distance.
+    - `seed`: seed of the random numbers.
 
     >>> cj.Starts(4, spread=0.5)
     Starts(number=4, spread=0.5, seed=0)
@@ -42,7 +42,7 @@ class Starts:
     def around(
         self, first: Float[np.ndarray, " p"], names: Sequence[str]
     ) -> Float[np.ndarray, "{self.number} p"]:
-        """Coordinates (number, p) of the starts around those of the first (p,)."""
+        """Return coordinates (number, p) of the starts, the first of which is `first` (p,)."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
@@ -51,7 +51,7 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
-    """A spread as an array (p,), in the order of the names; zero for names that it leaves out.
+    """Return a spread as an array (p,), in the order of the names; zero for missing names.
 
     **Raises:** `ValueError` for an unknown parameter.
     """
@@ -68,7 +68,7 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Coordinates (S, p) of all starts: the guesses, then those drawn around the first guess.
+    """Return coordinates (S, p) of all starts: the guesses, then starts around the first guess.
 
     **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.
     """
@@ -93,25 +93,17 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
             coordinate = parameter.scale.coordinate(value)
-            _require_possible(scene, state, parameter, value.item())
+            if not isinstance(parameter.variation, SeriesDelay):
+                setter = parameter.variation.setter(scene, state, value.item())
+                changed, _ = setter(scene, state, value.item())
+                recheck(changed)  # Raises the errors of the scene's constructors.
             return coordinate
         return parameter.coordinate_in(scene, state)
     except ValueError as error:
         raise ValueError(f"Parameter {name!r}: {error}") from error
 
 
-def _require_possible(scene: Scene, state: State, parameter: Parameter, value: float) -> None:
-    """Check that a scene may have the value.
-
-    **Raises:** `ValueError` as at the scene's construction.
-    """
-    if isinstance(parameter.variation, SeriesDelay):
-        return
-    changed, _ = parameter.variation.setter(scene, state, value)(scene, state, value)
-    recheck(changed)
-
-
 def _require_known(argument: str, by_name: Mapping[str, float], names: Sequence[str]) -> None:
     unknown = sorted(set(by_name) - set(names))
     remedy = f"name parameters: {', '.join(names)}"
-    require(not unknown, argument, unknown, "of parameters that are estimated", remedy)
+    require(not unknown, argument, unknown, "values of estimated parameters", remedy)

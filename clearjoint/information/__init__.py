@@ -1,2 +1,2 @@
-"""What data can tell of parameters: Fisher information, identifiability, horizons of
-predictability."""
+"""Information of data about parameters: Fisher information, identifiability, and the longest record
+that a fit can use."""

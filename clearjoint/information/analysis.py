@@ -1,6 +1,6 @@
-"""What data could tell about parameters, before anything is measured.
+"""Identifiability of parameters from planned measurements, by Cramér-Rao bounds.
 
-Bounds of Cramér and Rao, from the sensitivities of what sensors would read. The study
+The bounds follow from the sensitivities of the sensors' outputs. The study
 `studies.identifiability` compares them with those of an event-exact solver.
 """
 
@@ -15,21 +15,22 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
 from ..parametrisation.scales import AbstractScale
-from ..simulation import presets
-from ..simulation.sensitivities import Sensitivities, sensitivities
-from ..simulation.settings import Settings, settings_or
+from ..simulation.run.sensitivities import Sensitivities, sensitivities
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from . import fisher_information as information
 from .fisher_information import Combination
 from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number, percent
 
 ACCURACY_OF_DERIVATIVES = 1e3
-"""Error of a sensitivity over `rtol`, about: 4e2 at 1e-9 and 2e3 at 1e-11 on the pendulum."""
+"""Approximate ratio of the error of a sensitivity to `rtol`: on the pendulum it is 4e2 at 1e-9 and
+2e3 at 1e-11."""
 
 
 @dataclass(frozen=True)
 class SensorDerivatives:
-    """Derivatives of a sensor's samples along the parameters' coordinates.
+    """Derivatives of a sensor's samples with respect to the parameters' coordinates.
 
     `times`: (N,) s. `rows`: (N, channels, p), in units of the samples' noise.
     """
@@ -40,15 +41,16 @@ class SensorDerivatives:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What data from sensors can tell about parameters.
+    """Accuracy with which data from sensors can determine parameters.
 
-    Standard deviations are lower bounds: no unbiased estimate has smaller ones. They hold for
-    normal noise, so small that outputs are linear in the parameters over the deviations. `of` and
-    `until` give those for fewer sensors and shorter records.
+    Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
+    small normal noise, for which outputs are linear in the parameters over the deviations. `of`
+    selects sensors, and `until` shortens the record.
 
     - `names`, `scales`, `coordinates`: of the p parameters, in the order of all arrays.
     - `records`: derivatives of each sensor's samples.
-    - `accuracy`: relative error of the derivatives, below which a combination is not seen.
+    - `accuracy`: relative error of the derivatives. Combinations with a smaller relative effect
+      count as undetermined.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -64,20 +66,20 @@ class Identifiability:
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
-        """What data from some of the sensors alone can tell.
+        """Return the identifiability for some of the sensors.
 
-        **Raises:** `ValueError` for a name that none has.
+        **Raises:** `ValueError` for an unknown name.
         """
         for name in sensors:
             known = f"among {sorted(self.records)}"
             require(name in self.records, "sensors", name, known, "correct the name")
-        require(len(sensors) > 0, "sensors", sensors, "a name at least", "name those to take")
+        require(len(sensors) > 0, "sensors", sensors, "at least one name", "name the sensors")
         return replace(self, records={name: self.records[name] for name in sensors})
 
     def until(self, time: float) -> "Identifiability":
-        """What the samples up to a time, s, can tell.
+        """Return the identifiability for the samples up to a time, s.
 
-        **Raises:** `ValueError` if there are none.
+        **Raises:** `ValueError` if there are no samples.
         """
         records = {}
         for name, record in self.records.items():
@@ -85,78 +87,82 @@ class Identifiability:
             if early.any():
                 records[name] = SensorDerivatives(record.times[early], record.rows[early])
         first = float(self.times[0])
-        require(len(records) > 0, "time", time, f"{first} s or later, that of a sample", "raise it")
+        require(len(records) > 0, "time", time, f"{first} s or later, the first sample", "raise it")
         return replace(self, records=records)
 
     @property
     def times(self) -> Float[np.ndarray, " N"]:
-        """All times at which there is a sample, rising, s."""
+        """Times of all samples, rising, s."""
         return np.unique(np.concatenate([record.times for record in self.records.values()]))
 
     @property
     def root(self) -> Float[np.ndarray, "p p"]:
-        """A root R (p, p) of the Fisher information of the coordinates, which is R^T R."""
+        """Root R (p, p) of the Fisher information R^T R of the coordinates."""
         return information.root_of(self._rows()[1])
 
     @property
     def matrix(self) -> Float[np.ndarray, "p p"]:
-        """The Fisher information (p, p) of the coordinates."""
+        """Fisher information (p, p) of the coordinates."""
         return self.root.T @ self.root
 
     @property
     def deviations(self) -> Float[np.ndarray, " p"]:
-        """(p,) standard deviations of the coordinates, all estimated together. Of a `Log` scale's
-        they are relative errors of the value."""
+        """Standard deviations (p,) of the coordinates, all estimated together.
+
+        On a `Log` scale they are relative errors of the value.
+        """
         return information.together(self.root, self.accuracy)
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
-        """(p,) standard deviations of the coordinates, each estimated alone."""
+        """Standard deviations (p,) of the coordinates, each for known other parameters."""
         return information.alone(self.root)
 
     @property
     def labels(self) -> list[str]:
         """Labels of the parameters' coordinates, such as "log K"."""
-        return [scale.called(name) for scale, name in zip(self.scales, self.names, strict=True)]
+        return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
     def values(self) -> Float[np.ndarray, " p"]:
-        """(p,) values of the parameters."""
+        """Values (p,) of the parameters."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([float(scale.value(u)) for scale, u in pairs])
 
     @property
     def slopes(self) -> Float[np.ndarray, " p"]:
-        """(p,) absolute derivatives of the values to the coordinates."""
+        """Absolute derivatives (p,) of the values with respect to the coordinates."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 
     @property
     def value_deviations(self) -> Float[np.ndarray, " p"]:
-        """(p,) standard deviations of the values, all estimated together."""
+        """Standard deviations (p,) of the values, all estimated together."""
         return self.slopes * self.deviations
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """(p,) standard deviations of the coordinates beyond which a parameter is not identifiable:
-        an estimate then says nothing about it; see `AbstractScale.vague`."""
+        """Standard deviations (p,) of the coordinates above which a parameter is not identifiable.
+
+        See `AbstractScale.uninformative_std`.
+        """
         pairs = zip(self.scales, self.coordinates, strict=True)
-        return np.array([scale.vague(float(u)) for scale, u in pairs])
+        return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether data can tell each parameter: its standard deviation is within its limit."""
+        """Whether the standard deviation of each parameter is within its limit."""
         fine = self.deviations <= self.limits
         return dict(zip(self.names, fine.tolist(), strict=True))
 
     @property
     def rank(self) -> int:
-        """Number of combinations that the data see at all."""
+        """Number of combinations of parameters that the data determine."""
         return int(information.rank(self.root, self.accuracy))
 
     @property
     def condition(self) -> float:
-        """Condition number of the derivatives, each parameter's column brought to unit length."""
+        """Condition number of the derivatives with columns of unit length."""
         return float(information.condition(self.root))
 
     @property
@@ -166,36 +172,38 @@ class Identifiability:
 
     @property
     def combinations(self) -> tuple[Combination, ...]:
-        """Independent combinations of the coordinates, first the one that the data see best."""
+        """Independent combinations of the coordinates, the most accurate first."""
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """(T, p) standard deviations of the coordinates, all estimated together from the samples up
-        to each of the `times`."""
-        when, rows = self._rows()
-        ends = np.searchsorted(when, self.times, side="right")
+        """Return standard deviations (T, p) of the coordinates for the samples up to each time.
+
+        All parameters are estimated together.
+        """
+        sample_times, rows = self._rows()
+        ends = np.searchsorted(sample_times, self.times, side="right")
         roots = information.roots_over(rows, ends.tolist())
         return information.together(roots, self.accuracy)
 
     def _rows(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N p"]]:
-        """Times (N,) and rows (N, p) of all samples in the order of time."""
+        """Return times (N,) and rows (N, p) of all samples in the order of time."""
         records, p = self.records.values(), len(self.names)
-        when = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
+        times = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
         rows = np.concatenate([r.rows.reshape(-1, p) for r in records])
-        order = np.argsort(when, kind="stable")
-        return when[order], rows[order]
+        order = np.argsort(times, kind="stable")
+        return times[order], rows[order]
 
     def __str__(self) -> str:
-        """Bounds, correlations and combinations as a table."""
-        return "\n".join([self._head(), "", *self._bounds(), "", *self._seen()])
-
-    def _head(self) -> str:
+        """Tables of bounds, correlations and combinations."""
         sensors, times = ", ".join(self.records), self.times
-        span = f"{len(times)} instants from {times[0]:g} to {times[-1]:g} s"
-        return f"Standard deviations that data can reach at best: {sensors}; {span}"
+        head = (
+            f"Smallest standard deviations that data can reach: {sensors}; {len(times)} times from "
+            f"{times[0]:g} to {times[-1]:g} s"
+        )
+        return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
 
     def _bounds(self) -> list[str]:
-        """A row a parameter: its bounds together and alone, and its correlations r."""
+        """Return a row for each parameter: bounds together and alone, and correlations r."""
         rows: list[tuple[str, ...]] = [
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
         ]
@@ -208,22 +216,22 @@ class Identifiability:
             rows.append((name, f"{value:.5g}", *bounds, number(alone[k]), *correlations))
         return aligned(rows)
 
-    def _seen(self) -> list[str]:
-        """A line for each combination, and one for each parameter that is not identifiable."""
+    def _combination_lines(self) -> list[str]:
+        """Return a row for each combination, and a line for each unidentifiable parameter."""
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
-            seen = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
+            determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
             deviation = number(one.standard_deviation)
-            rows.append((one.described(labels), deviation, "" if seen else "not seen"))
+            rows.append((one.described(labels), deviation, "" if determined else "not determined"))
         lines = aligned(rows)
         for k, (name, fine) in enumerate(self.identifiable.items()):
             if not fine:
                 deviation, limit = self.deviations[k], self.limits[k]
-                size = f"{deviation:.2g}" if np.isfinite(deviation) else "without bound"
+                size = f"{deviation:.2g}" if np.isfinite(deviation) else "infinite"
                 lines.append(
-                    f"{name} is not identifiable: the standard deviation of {labels[k]} is {size}, "
-                    f"and beyond {limit:.2g} says nothing."
+                    f"{name} is not identifiable: the standard deviation of {labels[k]} is {size}. "
+                    f"Above {limit:.2g} an estimate carries no information."
                 )
         return lines
 
@@ -237,17 +245,17 @@ def identifiability(
     *,
     start_time: float = 0.0,
 ) -> Identifiability:
-    """What data from sensors could tell about parameters, by one run with derivatives.
+    """Compute how accurately data from sensors can determine parameters, by one run.
 
     **Arguments:**
 
     - `scene`, `state`, `start_time` s: as in `simulate`.
-    - `parameters`: by name, at the values that are expected.
-    - `sensors`: `Sensor` by name, each with its times; a measured `Series` or `Measurements` serve
-      too, and their values are not looked at.
-    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
+    - `parameters`: parameters by name, with expected values.
+    - `sensors`: `Sensor` by name, each with its times, or measured `Series` or `Measurements`,
+      whose values are not used.
+    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
 
-    **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run fails.
+    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -255,7 +263,7 @@ def identifiability(
     {'stiffness': True}
     """
     settings = settings_or(settings, presets.derivatives)
-    settings.require_tolerances("the accuracy of derivatives is to be known")
+    settings.require_tolerances("the accuracy of derivatives depends on them")
     by_name = as_sensors(sensors, scene)
     times = times_of(by_name)
     run = sensitivities(
@@ -279,13 +287,13 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """`Identifiability` from a run that has been made already.
+    """Return the `Identifiability` from an existing run.
 
     **Arguments:**
 
-    - `run`: with the sensors' outputs at all their times. The first p of its derivatives are along
-      the parameters.
-    - `coordinates`: (p,) of the parameters in that run.
+    - `run`: run with the sensors' outputs at all their times. Its first p derivatives are with
+      respect to the parameters.
+    - `coordinates`: (p,) coordinates of the parameters in that run.
     """
     return Identifiability(
         tuple(parameters),

@@ -1,10 +1,10 @@
-"""Whether a fit can descend from a wrong guess to the truth, by the length of the record.
+"""Test whether a fit can descend from a wrong guess to the truth, by the length of the record.
 
-The path looked at is the straight line from the guess to the truth, in the parameters' coordinates.
-If the misfit of the outputs rises somewhere along it towards the truth, a local minimum or a ridge
-may hold a fit back, since fits follow slopes. The slope of the misfit along the path is r^T J d,
-with the residuals r and their derivatives J at a place of the path, and its direction d. A sum over
-samples, it is cumulated over them, and so known for every length of the record at once.
+The path is the straight line from the guess to the truth, in the parameters' coordinates. If the
+misfit of the outputs rises somewhere along it towards the truth, a local minimum or a ridge may
+stop a fit. The slope of the misfit along the path is r^T J d, with the residuals r and their
+derivatives J at a point of the path, and the direction d. It is a sum over samples: its cumulative
+sum is the slope for every length of the record.
 """
 
 import itertools
@@ -15,19 +15,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 ALL_CORNERS = 3
-"""Number of parameters up to which all corners are looked at; of more, eight drawn ones."""
+"""Largest number of parameters for which all corners are tested; for more, eight random ones."""
 FLAT = 1e-6
 """Cosine of the angle between residuals and their derivatives below which a path is flat."""
 
 
 @dataclass(frozen=True)
 class WrongGuess:
-    """A guess off the truth, and the records with which a fit can't descend from it to the truth.
+    """A wrong guess, and the records for which a fit can't descend from it to the truth.
 
-    - `offsets`: (p,) coordinates of the guess less those of the truth.
+    - `offsets`: (p,) coordinates of the guess minus those of the truth.
     - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
       that ends at each of the times.
-    - `since`: s, the end of the shortest record that is blocked; infinite if none is.
+    - `since`: s, end of the shortest blocked record; infinite if there is none.
     """
 
     offsets: Float[np.ndarray, " p"]
@@ -36,7 +36,7 @@ class WrongGuess:
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Wrong guesses (p,): each parameter alone both ways, and all of them at once."""
+    """Yield offsets (p,) of wrong guesses: each parameter in both directions, and all together."""
     p = len(uncertainty)
     for k in range(p):
         for sign in (1.0, -1.0):
@@ -55,19 +55,20 @@ def blocked(
     slopes: Mapping[str, np.ndarray],
     count: int,
 ) -> np.ndarray:
-    """Whether the misfit rises towards the truth at one place of a path, (count,) by the length of
-    the record.
+    """Return whether the misfit rises towards the truth at a point of a path, (count,).
 
-    A misfit below the noise blocks nothing, nor does a flat one: before its first impact a run
-    knows nothing of the clearance, and a longer record does.
+    Entry k is for the record of the first k + 1 samples. A misfit below the noise doesn't block a
+    fit, nor does a flat one: before the first impact the run doesn't depend on the clearance, but
+    a longer record does.
 
     **Arguments:** by output, in units of its noise:
 
     - `truth`: (count,) values at the truth.
-    - `values`: (n,) values at the place. If the run there failed early, n < count, and longer
-      records are blocked.
+    - `values`: (n,) values at the point. If the run failed early, n < count, and longer records are
+      blocked.
     - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
     """
+    # A run with a wrong guess may fail early: longer records remain blocked.
     n = min(len(row) for row in values.values())
     residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
     along = np.stack([slopes[name][:n] for name in truth])

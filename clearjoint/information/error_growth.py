@@ -1,7 +1,7 @@
-"""How far small changes displace a motion: displacements of its bodies' points per unit of change.
+"""Growth of small differences: displacements of the bodies' points per unit of a change.
 
-Each body has four points, its centre of mass and one a radius of gyration away along each body
-axis. A displacement is the root mean square of those of all points, in m.
+Each body has four points: its centre of mass, and one at the distance of a radius of gyration along
+each body axis. A displacement is the root mean square over all points, in m.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ import numpy as np
 from ..dynamics.formulation import Formulation
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..dynamics.system import System
-from ..math.vectors import Scalar, pack, structured, unpack
+from ..math.vectors import Scalar, fold_constants, pack, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -22,15 +22,17 @@ from ..quantities.bodies import PointPosition
 from ..quantities.joints import Penetration
 
 DISTURBANCE = "initial velocity"
-"""Name of the parameter that disturbs the initial state."""
+"""Name of the parameter that perturbs the initial state."""
 DIRECTION = (0.53, 0.62, 0.58)
-"""Direction of the disturbing velocity, a unit vector along no axis."""
+"""Direction of the perturbing velocity: a unit vector that is not along an axis."""
 
 
 @dataclass(frozen=True)
 class _Push:
-    """Adds a velocity in m/s to every body, and a spin that gives its points a like speed, as far
-    as the ideal joints allow."""
+    """Add a velocity, m/s, to every body, and a spin that gives its points a similar speed.
+
+    The result is projected on the velocities that the ideal joints allow.
+    """
 
     radii: tuple[tuple[str, float], ...]
 
@@ -40,21 +42,22 @@ class _Push:
         for name, radius in self.radii:
             twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
             bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
-        system = System(unpack(structured(scene)), Formulation(JointCoordinates()))
+        # Encoding the velocities in joint coordinates drops the part that the joints forbid.
+        system = System(unpack(fold_constants(scene)), Formulation(JointCoordinates()))
         compatible = system.decode(system.encode(unpack(bodies)))
         return scene, eqx.tree_at(lambda s: s.bodies, state, pack(compatible))
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """The initial velocity as a parameter of value zero, m/s.
+    """Return the perturbation of the initial velocity as a parameter with value zero, m/s.
 
-    Joints of a closed loop, and drivers, resist it during the run by their stabilisation.
+    During the run, the stabilisation of drivers and of joints in closed loops counteracts it.
     """
     return Parameter.change(_Push(tuple(_radii(scene).items())), 0.0, unit="m/s")
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Coordinates of the points whose displacements count."""
+    """Return the coordinates of the bodies' points as quantities."""
     quantities: dict[str, Quantity] = {}
     for body, radius in _radii(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -65,7 +68,7 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
-    """Penetrations of all contacts, m."""
+    """Return the penetrations of all contacts, m, as quantities."""
     return {
         f"penetration of {joint}: {contact}": Penetration(joint, contact)
         for joint, laws in scene.laws().items()
@@ -74,15 +77,21 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Displacements (T, p) per unit of each parameter, from derivatives (T, p) of the points'
-    coordinates by their `names`."""
+    """Return displacements (T, p) per unit of each parameter.
+
+    `derivatives` has the derivatives (T, p) of the points' coordinates, by the keys of `names`.
+    """
+    # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Rate of exponential growth, 1/s, of displacements `size` (T,) from a time on, by a straight
-    line through their logarithms; NaN if two of them are not positive."""
+    """Return the rate of exponential growth, 1/s, of displacements `size` (T,) from a time on.
+
+    It is the slope of a straight line through their logarithms; NaN for fewer than two positive
+    displacements.
+    """
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
         return float("nan")
@@ -90,7 +99,7 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def _radii(scene: Scene) -> dict[str, float]:
-    """Mean radii of gyration of the bodies, m."""
+    """Return the mean radii of gyration of the bodies, m."""
     radii = {}
     for name, body in scene.bodies.items():
         inertia = np.asarray(body.inertia)

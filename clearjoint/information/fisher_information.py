@@ -1,11 +1,10 @@
-"""Fisher information: what independent samples with normal noise tell about parameters.
+"""Fisher information of independent samples with normal noise about parameters.
 
 For p parameters it is F = J^T J, with the derivatives J (rows, p) of all samples in units of their
-noise. Its inverse bounds the covariance of every unbiased estimate (Cramér and Rao), and is the
-covariance of least squares when the noise is small. F itself would lose half of the digits, and
-with them combinations that the data hardly see; so functions take a root of it, R (p, p) with
-R^T R = F, which orthogonal transformations make of J. Where an argument is called `roots`, it may
-be a stack of them, (..., p, p).
+noise. Its inverse bounds the covariance of every unbiased estimate (Cramér and Rao), and it is the
+covariance of least squares for small noise. Computing F would lose half of the digits, and with
+them combinations that the data hardly determine. Functions therefore take a root R (p, p) with
+R^T R = F, which a QR decomposition of J gives. An argument `roots` may be a stack (..., p, p).
 """
 
 from collections.abc import Sequence
@@ -15,18 +14,23 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
-"""A combination's description leaves out parameters whose weight is below this share of the largest
-one, unless more than this share of their variance comes from it."""
+"""A combination's description omits parameters whose weight is below the first share of the largest
+weight, unless more than the second share of their variance comes from the combination."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """The root (p, p) of the information of rows (N, p)."""
+    """Return the root (p, p) of the information of rows (N, p)."""
+    # With p rows of zeros the root has p rows even if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
 
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Roots (T, p, p) of the first rows of (N, p), up to each of T rising ends."""
+    """Return roots (T, p, p) of the information of the first samples.
+
+    **Arguments:** `rows`: (N, p) derivatives; `ends`: T rising numbers of rows. Root k is for the
+    rows before `ends[k]`.
+    """
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
     for end in ends:
@@ -37,45 +41,61 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
 
 
 def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
-    """Bounds (..., p) of the parameters' standard deviations, all of them estimated together.
+    """Return lower bounds (..., p) of the standard deviations if all parameters are estimated.
 
-    A bound is infinite where the data don't see the parameter: where it is part of a combination
-    whose singular value, each column brought to unit length, is below `accuracy` times the largest.
+    The bound is infinite for a parameter that is part of an undetermined combination. A combination
+    is undetermined if its singular value is below `accuracy` times the largest one, with the
+    columns of the root scaled to unit length.
 
-    **Arguments:** `accuracy`: relative error of the derivatives.
+    **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
+    derivatives.
     """
+    # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     blind = _blind(values, accuracy)[..., None]
+    # A parameter is undetermined only if its part in an undetermined direction exceeds the error
+    # of that direction; the others keep a finite bound from the determined directions.
     parts = directions / np.where(blind, 1.0, values[..., None])
     parts = np.where(blind, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts)
     return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Bounds (..., p) of each parameter's standard deviation, all others known."""
+    """Return lower bounds (..., p) of the standard deviations if one parameter is estimated.
+
+    The bound of each parameter assumes that the values of all others are known. It is infinite if
+    the parameter has no effect on the data.
+
+    **Arguments:** `roots`: roots (..., r, p) of the information.
+    """
+    # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
     with np.errstate(divide="ignore"):
         return 1.0 / np.linalg.norm(roots, axis=-2)
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Number of combinations of parameters that the data see, (...)."""
+    """Return the number (...) of independent combinations of parameters that the data determine.
+
+    **Arguments:** as for `together`.
+    """
     return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Condition number (...) of the derivatives, each parameter's column brought to unit length:
-    the largest singular value over the smallest. That of F is its square."""
+    """Return the condition number (...) of the derivatives with columns of unit length.
+
+    The condition number of F is its square.
+    """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return values[..., 0] / values[..., -1]
 
 
 def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
-    """Covariance (p, p) of estimates from rows (N, p), or from a root of their information: its
-    inverse.
+    """Return the covariance (p, p) of estimates from rows (N, p) or from a root.
 
-    **Arguments:** `floor`: least singular value over the largest, each column brought to unit
-    length; smaller ones count as that. Zero leaves NaN where the information has no inverse.
+    **Arguments:** `floor`: smallest singular value relative to the largest, for columns of unit
+    length; smaller ones are raised to it. With zero, a singular information gives NaN.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, floor * max(values[0], 1.0))
@@ -86,7 +106,10 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Correlations (p, p) of estimates, from their covariance (p, p); NaN where that is NaN."""
+    """Return the correlations (p, p) of estimates from their covariance (p, p).
+
+    Correlations with an estimate of zero variance are NaN.
+    """
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
         return covariances / np.outer(deviations, deviations)
@@ -96,11 +119,11 @@ def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p
 class Combination:
     """A weighted sum of the parameters' coordinates.
 
-    - `weights`: (p,), the largest of size one.
-    - `standard_deviation`: lower bound of the sum's standard deviation; infinite where the data
-      don't see the sum.
-    - `shares`: (p,) which part of each parameter's variance comes from the uncertainty of this sum;
-      NaN where the parameter's variance is infinite.
+    - `weights`: (p,), the largest has the absolute value 1.
+    - `standard_deviation`: lower bound of the sum's standard deviation; infinite if the data don't
+      determine the sum.
+    - `shares`: (p,) share of each parameter's variance due to the uncertainty of this sum; NaN if
+      the parameter's variance is infinite.
     """
 
     weights: Float[np.ndarray, " p"]
@@ -108,7 +131,7 @@ class Combination:
     shares: Float[np.ndarray, " p"]
 
     def described(self, names: Sequence[str]) -> str:
-        """The sum in words, such as "log K + 2 log c", from labels of the coordinates."""
+        """Return the sum as text, such as "log K + 2 log c", with labels of the coordinates."""
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
@@ -121,8 +144,12 @@ class Combination:
 
 
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
-    """Combinations of the coordinates whose estimates are independent, the eigenvectors of the
-    information: first the one that the data see best."""
+    """Return combinations of the coordinates with independent estimates, the most accurate first.
+
+    They are the eigenvectors of the information.
+    """
+    # Here the columns are not scaled, because combinations are in the parameters' coordinates. Only
+    # if scaled columns are rank-deficient too is a small singular value due to missing information.
     _, values, directions = np.linalg.svd(root)
     deficient = rank(root, accuracy) < len(values)
     blind = _blind(values, accuracy if deficient else np.finfo(float).eps)
@@ -140,8 +167,10 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Lengths (..., p) of the columns, and after these are brought to unit length, singular values
-    (..., p) and right singular vectors (..., p, p)."""
+    """Return column norms (..., p), and singular values and vectors for columns of unit length.
+
+    Singular values are (..., k) and right singular vectors (..., k, p).
+    """
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
     _, values, directions = np.linalg.svd(scaled, full_matrices=False)
@@ -149,5 +178,9 @@ def _equilibrated(
 
 
 def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Which singular values, largest first along the last axis, are as good as zero."""
+    """Return a mask (..., k) of the negligible singular values.
+
+    **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
+    of the derivatives.
+    """
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -1,9 +1,9 @@
-"""How long a record may be for a fit by a single run.
+"""Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. That makes parameters visible in data, but ends a fit
-as well: first because a wrong guess leads to another sequence of impacts, whose misfit leads to
-wrong parameters, and later because errors of the integration grow until the run is no longer the
-motion at its own parameters.
+Small differences grow from impact to impact. This makes parameters visible in data, but it also
+limits a fit. First, a wrong guess leads to another sequence of impacts, whose misfit leads to wrong
+parameters. Later, integration errors grow until the run differs from the true motion for its
+parameters.
 """
 
 import warnings
@@ -17,47 +17,46 @@ from ..fields.checks import require, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of
-from ..simulation import presets
-from ..simulation.sensitivities import Sensitivities
-from ..simulation.settings import Settings, settings_or
+from ..simulation.run.sensitivities import Sensitivities, sensitivities
+from ..simulation.step import presets
+from ..simulation.step.settings import Settings, settings_or
 from . import descent_paths
 from . import error_growth as growth
-from .analysis import Identifiability
-from .perturbed_runs import PerturbedRuns
-from .sensors import Sensors, as_sensors
+from .analysis import Identifiability, identifiability_from
+from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number
 
 LOOSER = 10.0
-"""Tolerance of the run that is compared with the run proper to know its error, over the tolerance
-of that. A tighter run might be beyond what rounding allows."""
-PLACES = 4
-"""Places of a path at which the slope of the misfit is computed, the guess among them."""
+"""Tolerance of the run that estimates the error of the main run, relative to the main run's. A
+smaller tolerance than the main run's might be below rounding errors."""
+PATH_POINTS = 4
+"""Number of points of a path at which the slope of the misfit is computed, including the guess."""
 DERIVATIVE_ERROR = 0.1
-"""Relative error of the derivatives from which on they no longer lead a fit."""
+"""Relative error above which derivatives are useless for a fit."""
 
 
 @dataclass(frozen=True)
-class Horizon:
-    """How long a record may be for a fit by a single run, and what longer records would be worth.
+class FitHorizon:
+    """Longest record that a fit by a single run can use, and the accuracy of longer records.
 
-    - `times`: (T,) s, those of the samples.
+    - `times`: (T,) s, times of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of the bodies' points per unit of each
-      parameter's coordinate; the last column is that by the disturbance of the initial velocity,
-      per m/s.
-    - `rate`: 1/s, of the exponential growth of this last column since the first contact.
-    - `error`: (T,) a bound of the error of the integration, in units of the noise, the largest of
-      all outputs: the difference from a run with ten times the tolerance.
-    - `derivative_error`: (T,) such a bound of the derivatives over the record so far, relative, the
-      largest of all parameters.
-    - `numerical`: s, the first time at which `error` exceeds one or `derivative_error` a tenth.
-    - `guesses`: wrong guesses, each with the records that it can't be fitted with.
-    - `information`: what the data tell over time.
+      parameter's coordinate; the last column is for the perturbation of the initial velocity, per
+      m/s.
+    - `rate`: 1/s, rate of exponential growth of this last column since the first contact.
+    - `error`: (T,) bound of the integration error in units of the noise, the largest of all
+      outputs: the difference from a run with ten times the tolerance.
+    - `derivative_error`: (T,) relative bound of the error of the derivatives over the record up to
+      each time, the largest of all parameters.
+    - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
+    - `guesses`: wrong guesses, with the records for which a fit from them fails.
+    - `information`: accuracy that the data allow over time.
 
-    `numerical`, `convergence` and `single_shot` are infinite if nothing of the kind happens within
+    `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
     the record.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -79,65 +78,67 @@ class Horizon:
 
     @property
     def convergence(self) -> float:
-        """End of the shortest record, s, with which a fit may not find its way from one of the
-        guesses to the truth."""
+        """End of the shortest record, s, for which a fit from one of the guesses may fail."""
         return min(guess.since for guess in self.guesses)
 
     @property
     def single_shot(self) -> float:
-        """End of the longest record, s, that a fit by a single run can use: the earlier of
-        `numerical` and `convergence`."""
+        """End of the longest record, s, that a fit by a single run can use.
+
+        It is the smaller of `numerical` and `convergence`.
+        """
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
         """Warn, with a `UserWarning`, if a record is too long for a fit by a single run.
 
-        **Arguments:** `time`: s, that of the record's last sample.
+        The warning names each limit that the record exceeds, in ms, and suggests fitting windows
+        that grow from the smaller limit.
+
+        **Arguments:** `time`: s, time of the record's last sample.
         """
         if time > self.single_shot:
             reasons = []
             if time > self.convergence:
                 reasons.append(
-                    f"from {1e3 * self.convergence:.4g} ms on, guesses as uncertain as these may "
-                    "end in a wrong minimum"
+                    f"from {1e3 * self.convergence:.4g} ms on, fits from guesses with this "
+                    "uncertainty may end in a wrong minimum"
                 )
             if time > self.numerical:
                 reasons.append(
-                    f"from {1e3 * self.numerical:.4g} ms on, the error of the integration exceeds "
-                    "the noise or spoils the derivatives"
+                    f"from {1e3 * self.numerical:.4g} ms on, integration errors exceed the noise "
+                    "or make the derivatives useless"
                 )
             warnings.warn(
-                f"The record ends at {1e3 * time:.4g} ms, beyond what a fit by a single run can "
-                f"use: {'; '.join(reasons)}. Fit windows that grow from "
-                f"{1e3 * min(self.single_shot, time):.4g} ms: identify(..., grow=[...]).",
+                f"The record ends at {1e3 * time:.4g} ms and is too long for a fit by a single "
+                f"run: {'; '.join(reasons)}. Fit windows that grow from "
+                f"{1e3 * self.single_shot:.4g} ms: identify(..., grow=[...]).",
                 UserWarning,
                 stacklevel=2,
             )
 
     def __str__(self) -> str:
-        """The limits, the guesses and the standard deviations by length of the record, as text."""
-        return "\n".join([*self._limits(), "", *self._guesses(), "", *self._trade()])
-
-    def _limits(self) -> list[str]:
+        """Return limits, guesses, and standard deviations by length of the record, as text."""
         end = float(self.times[-1])
-        return [
-            f"A run of {1e3 * end:g} ms; small differences of velocity grow by {self.rate:.3g} 1/s "
-            "since the first contact.",
-            f"Integration and derivatives good enough: {_until(self.numerical)} (error at the end "
-            f"{self.error[-1]:.2g} times the noise, of derivatives "
+        limits = [
+            f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "
+            f"{self.rate:.3g} 1/s after the first contact.",
+            f"Integration and derivatives are accurate {_until(self.numerical)} (the error at the "
+            f"end is {self.error[-1]:.2g} times the noise, that of derivatives "
             f"{100.0 * self.derivative_error[-1]:.2g} %).",
-            f"All guesses find their way: {_until(self.convergence)}.",
+            f"Fits from all guesses converge {_until(self.convergence)}.",
         ]
-
-    def _guesses(self) -> list[str]:
-        labels = self.information.labels
-        rows = [("offsets of", *labels, "finds its way")]
+        guesses = [("offsets of", *self.information.labels, "converges")]
         for guess in self.guesses:
-            rows.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
-        return aligned(rows)
+            guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
+        return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
 
-    def _trade(self) -> list[str]:
-        """Standard deviations from records as long as the limits, and from the whole one."""
+    def _deviations_by_length(self) -> list[str]:
+        """Return lines of a table of the parameters' standard deviations.
+
+        It has a row for the whole record, and a row for the record up to each limit that is
+        reached.
+        """
         deviations = self.information.over_time()
         lengths = {float(self.times[-1])}
         lengths |= {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
@@ -152,7 +153,7 @@ def _until(time: float) -> str:
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
-def horizon(
+def fit_horizon(
     scene: Scene,
     state: State,
     parameters: Mapping[str, Parameter],
@@ -161,24 +162,25 @@ def horizon(
     *,
     uncertainty: Mapping[str, float],
     start_time: float = 0.0,
-) -> Horizon:
-    """How long a record of the motion at these parameters may be for a fit by a single run.
+) -> FitHorizon:
+    """Compute the longest record of a motion that a fit by a single run can use.
 
-    It makes two runs, one of them ten times looser, and `PLACES` shorter ones for each wrong
-    guess: two for each parameter, and with several of them eight (of two, four) for all at once.
+    Two runs, one of them with ten times the tolerance, estimate the integration error. For each
+    wrong guess four more runs follow the path to the truth. There are two guesses for each
+    parameter and, with several parameters, eight (for two, four) with all of them wrong.
 
     **Arguments:**
 
     - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
-      `identifiability`; the run ends with the last sample.
-    - `uncertainty`: by parameter, how far a first guess may be off, in the scale's coordinate: of a
-      `Log` scale log(5) for a factor of five.
+      `identifiability`; the run ends at the last sample.
+    - `uncertainty`: largest error of a first guess by parameter, in the scale's coordinate: log(5)
+      for a factor of five on a `Log` scale.
 
-    **Raises:** `ValueError` for arguments that no run can use; `SimulationError` if the run at the
-    parameters' own values fails.
+    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run with the
+    parameters' values fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.horizon(
+    >>> limits = cj.fit_horizon(
     ...     scene,
     ...     state,
     ...     {"stiffness": stiffness},
@@ -190,8 +192,13 @@ def horizon(
     """
     settings = settings_or(settings, presets.derivatives)
     looser = settings.looser(LOOSER)
-    spread = _in_order(uncertainty, parameters)
-    runs = PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
+    names, keys = sorted(parameters), sorted(uncertainty)
+    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
+    for name in parameters:
+        remedy = "give the possible error of the guess"
+        require_positive(f"uncertainty[{name!r}]", uncertainty[name], remedy)
+    spread = np.array([float(uncertainty[name]) for name in parameters])
+    runs = _PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
     truth = coordinates_of(scene, state, parameters)
     true_run = runs.run(truth, settings, throw=True)
     errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
@@ -200,63 +207,126 @@ def horizon(
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
     onset = _first(times, touching)
     guesses = descent_paths.offsets(spread)
-    return Horizon(
+    return FitHorizon(
         times,
         sizes,
         growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
         *errors,
         _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
         tuple(_wrong_guess(runs, truth, true_run, offsets, settings) for offsets in guesses),
-        runs.information(true_run, truth, settings),
+        identifiability_from(true_run, runs.parameters, truth, runs.sensors, settings),
     )
 
 
-def _in_order(
-    uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]
-) -> Float[np.ndarray, " p"]:
-    """Uncertainties (p,) in the order of the parameters, one for each."""
-    names, keys = sorted(parameters), sorted(uncertainty)
-    require(names == keys, "uncertainty", keys, f"one of each of {names}", "name all of them")
-    for name in parameters:
-        require_positive(f"uncertainty[{name!r}]", uncertainty[name], "tell how far off a guess is")
-    return np.array([float(uncertainty[name]) for name in parameters])
+@dataclass(frozen=True)
+class _PerturbedRuns:
+    """A scene that can be run with different values of its p parameters.
+
+    Runs differ only in numbers, so that all of them use the same compiled program.
+
+    - `scene`, `state`: the scene and its initial state.
+    - `parameters`: the parameters by name, in the order of the coordinates.
+    - `sensors`: sensors by name; a run ends at the last of their times.
+    - `start_time`: s.
+    """
+
+    scene: Scene
+    state: State
+    parameters: dict[str, Parameter]
+    sensors: dict[str, Sensor]
+    start_time: float
+
+    def run(self, coordinates: np.ndarray, settings: Settings, *, throw: bool) -> Sensitivities:
+        """Run the scene, with derivatives, at coordinates (p,) of the parameters.
+
+        **Arguments:** `throw`: whether to raise an error if the run fails; otherwise the result
+        ends where the run failed.
+
+        **Returns:** the channels of the sensors, coordinates of points of the bodies, m, and
+        penetrations of the contacts, m, at the T times of the sensors. Their derivatives are
+        (T, p + 1), with respect to the coordinates and, in the last column, to the perturbation of
+        the initial velocity, per m/s.
+        """
+        values = zip(self.parameters.items(), coordinates, strict=True)
+        perturbed = {
+            name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))
+            for (name, p), u in values
+        }
+        times, scene = times_of(self.sensors), self.scene
+        return sensitivities(
+            scene,
+            self.state,
+            float(times[-1]),
+            perturbed | {growth.DISTURBANCE: growth.disturbance(scene)},
+            outputs_of(self.sensors) | growth.points(scene) | growth.penetrations(scene),
+            times,
+            settings,
+            start_time=self.start_time,
+            throw=throw,
+        )
+
+    def weights(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Return weights (T,) of each channel by name, for times (T,), s.
+
+        A weight is the inverse of the noise, in the inverse of the channel's unit; it is zero at
+        times without a sample.
+        """
+        weights = {}
+        for name, sensor in self.sensors.items():
+            weight = np.zeros(len(times))
+            weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
+            weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
+        return weights
 
 
 def _errors(
-    runs: PerturbedRuns, run: Sensitivities, loose: Sensitivities
+    runs: _PerturbedRuns, run: Sensitivities, loose: Sensitivities
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, (T,) in units of noise, and of its derivatives, (T,)
-    relative: differences from a looser run."""
+    """Return bounds (T,) of the errors of a run's values and derivatives.
+
+    The error of the values is in units of the noise, the error of the derivatives is relative.
+
+    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger.
+    """
     weights = runs.weights(run.times)
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
+    # Errors of derivatives are compared with the derivatives of the whole record so far, because a
+    # fit uses their sum over all samples.
     p = len(runs.parameters)
     differences, size = np.zeros((2, len(run.times), p))
     for name, weight in weights.items():
-        own = run.derivatives[name][:, :p] * weight[:, None]
-        differences += (loose.derivatives[name][:, :p] * weight[:, None] - own) ** 2
-        size += own**2
-    total, wrong = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
-    relative = np.sqrt(wrong / np.where(total > 0.0, total, 1.0))
+        weighted = run.derivatives[name][:, :p] * weight[:, None]
+        differences += (loose.derivatives[name][:, :p] * weight[:, None] - weighted) ** 2
+        size += weighted**2
+    total, error = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
+    relative = np.sqrt(error / np.where(total > 0.0, total, 1.0))
     return np.max(values, axis=0), relative.max(axis=1)
 
 
 def _wrong_guess(
-    runs: PerturbedRuns,
+    runs: _PerturbedRuns,
     truth: np.ndarray,
     true_run: Sensitivities,
     offsets: np.ndarray,
     settings: Settings,
 ) -> descent_paths.WrongGuess:
-    """The guess at these offsets from the truth, and the records that block its path to it."""
+    """Return a wrong guess and the records with which a fit from it fails.
+
+    **Arguments:**
+
+    - `truth`: (p,) coordinates of the parameters, with which `true_run` was computed.
+    - `offsets`: (p,) guess less truth, in coordinates.
+    """
     weights, times = runs.weights(true_run.times), true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
     blocked = np.zeros(len(times), bool)
-    for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
-        there = runs.run(truth + share * offsets, settings, throw=False)
-        n = len(there.times)
-        values = {name: there.values[name] * weight[:n] for name, weight in weights.items()}
+    # A record is blocked if the misfit rises at any of the points between the truth and the guess.
+    for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
+        run = runs.run(truth + fraction * offsets, settings, throw=False)
+        n = len(run.times)
+        values = {name: run.values[name] * weight[:n] for name, weight in weights.items()}
         along = {
-            name: (there.derivatives[name][:, : len(offsets)] @ offsets) * weight[:n]
+            name: (run.derivatives[name][:, : len(offsets)] @ offsets) * weight[:n]
             for name, weight in weights.items()
         }
         blocked |= descent_paths.blocked(true_values, values, along, len(times))
@@ -264,5 +334,5 @@ def _wrong_guess(
 
 
 def _first(times: np.ndarray, where: np.ndarray) -> float:
-    """The first of the times (T,) at which `where` (T,) is true; infinite if it never is."""
+    """Return the first of the times (T,) at which `where` (T,) is true; infinite without one."""
     return float(times[np.argmax(where)]) if where.any() else np.inf

@@ -1,4 +1,4 @@
-"""Sensors before they measure: their channels, times and noise, but no values yet."""
+"""Sensors of planned measurements: channels, times and noise, without values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,10 @@ from ..quantities.base import Quantity, check_quantity
 
 
 class SampledChannel(Protocol):
-    """One channel that is sampled, such as a measured `Series`; values are not needed."""
+    """An object with a channel, times and noise, such as a measured `Series`.
+
+    Measured values are not needed.
+    """
 
     @property
     def channel(self) -> Quantity:
@@ -28,7 +31,7 @@ class SampledChannel(Protocol):
 
     @property
     def noise(self) -> ArrayLike:
-        """One standard deviation of each sample in SI, a number or (N,)."""
+        """Standard deviation of each sample, a number or (N,), in the channel's SI unit."""
         ...
 
 
@@ -38,11 +41,11 @@ class Sensor:
 
     **Arguments:**
 
-    - `channels`: scalar functions of an `Instant`, such as those of `clearjoint.quantities`; a
-      single one or several.
-    - `times`: (N,) s, each later than the one before.
-    - `noise`: one standard deviation of every sample, independent of all others, in the channels'
-      SI unit: a number, or (N,).
+    - `channels`: one or several scalar functions of an `Instant`, such as those of
+      `clearjoint.quantities`.
+    - `times`: (N,) s, strictly rising.
+    - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
+      number, or (N,).
 
     **Raises:** `ValueError` for times that don't rise and for noise that is not positive.
 
@@ -74,35 +77,35 @@ def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray)
     rising = bool((np.diff(times) > 0.0).all())
     require(rising, "times", times, "rising", "sort them and merge repeated ones")
     shaped = noise.shape in ((), times.shape)
-    require(shaped, "noise", noise.shape, f"a number or of shape {times.shape}", "one a time")
+    expected = f"a number or of shape {times.shape}"
+    require(shaped, "noise", noise.shape, expected, "pass one for each time")
     positive = bool((np.isfinite(noise) & (noise > 0.0)).all())
     remedy = "give the standard deviation of the samples"
     require(positive, "noise", noise, "finite and positive", remedy)
 
 
 class SeriesByName(Protocol):
-    """Series by name, such as `Measurements`."""
+    """An object with sampled channels by name in its property `series`, such as `Measurements`."""
 
     @property
     def series(self) -> Mapping[str, SampledChannel]:
-        """The series by name."""
+        """Sampled channels by name."""
         ...
 
 
 Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
-"""Sensors by name; a measured `Series` is one of a single channel."""
+"""Sensors by name; a measured `Series` is a sensor with a single channel."""
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
-    """Sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
+    """Return sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
 
-    **Raises:** `ValueError` for anything else, and for a sensor of something that is not in the
-    scene.
+    **Raises:** `ValueError` for anything else, and for a sensor of an element that the scene lacks.
     """
     by_name = sensors if isinstance(sensors, Mapping) else getattr(sensors, "series", {})
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
     filled = isinstance(by_name, Mapping) and len(by_name) > 0
-    require(filled, "sensors", sensors, "a dictionary with a sensor at least", remedy)
+    require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
     require_names("sensors", by_name, remedy)
     sensor_by_name = {}
     for name, one in by_name.items():
@@ -117,20 +120,22 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Every channel of every sensor, by the sensor's name, which fits have for the same program;
-    of several channels by the channel's number, too.
+    """Return every channel of every sensor by name.
 
-    **Raises:** `ValueError` for a name that stands for two.
+    A channel has the name of its sensor. If the sensor has several channels, a number from zero is
+    appended, as in "probe 0". A fit uses the same names, and therefore the same compiled program.
+
+    **Raises:** `ValueError` for names that are not unique.
     """
     outputs: dict[str, Quantity] = {}
     for name, sensor in sensors.items():
         for k, channel in enumerate(sensor.channels):
             output = name if len(sensor.channels) == 1 else f"{name} {k}"
-            require(output not in outputs, "sensors", name, "a name of its own", "rename it")
+            require(output not in outputs, "sensors", name, "unique names", "rename it")
             outputs[output] = channel
     return outputs
 
 
 def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
-    """All times at which one of them has a sample, rising, s."""
+    """Return the times of all samples of all sensors, rising, s."""
     return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))

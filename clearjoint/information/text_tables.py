@@ -1,4 +1,4 @@
-"""Tables of numbers as lines of text, for `print`."""
+"""Tables of numbers as text."""
 
 from collections.abc import Sequence
 
@@ -6,8 +6,7 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table whose first row is the head, with aligned columns: the first to the left,
-    the others to the right."""
+    """Return the lines of a table with aligned columns; the first row is the head."""
     import pandas as pd
 
     (corner, *head), *body = rows
@@ -18,10 +17,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """A share in percent with two digits, "-" if it is not finite."""
+    """Return a share in percent with two digits, "-" if it is not finite."""
     return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
-    """A number with so many digits, "-" if it is not finite."""
+    """Return a number as text with a number of digits, "-" if it is not finite."""
     return f"{value:.{digits}g}" if np.isfinite(value) else "-"

@@ -1,2 +1,2 @@
-"""Arithmetic in scalar form: vectors, rotations, smoothing, small linear systems, and several
-alike elements in the place of one. Nothing here knows mechanisms."""
+"""Scalar arithmetic, independent of mechanisms: vectors, rotations, smoothing, interpolation, small
+linear systems, and groups of elements with the same structure."""

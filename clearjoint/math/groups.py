@@ -1,9 +1,9 @@
-"""Several alike elements in the place of one, and the names that stand for them.
+"""Groups of elements with the same structure, which are computed at once.
 
-All kernels are arithmetic on scalars (`clearjoint.math.vectors`), so an element whose numbers are
-arrays of shape (n,) stands for n elements of the same structure. Its name is a `Several`.
-Dictionaries by name, such as the motions of bodies, are turned by `by_group` into dictionaries by
-such names, and back by `by_name`.
+All kernels are scalar arithmetic (`clearjoint.math.vectors`), so an element whose numbers are
+arrays of shape (n,) represents n elements of the same structure. Its name is a `GroupName`.
+`by_group` converts dictionaries by name, such as the motions of bodies, to dictionaries by group,
+and `by_name` converts them back.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,41 +16,42 @@ from jaxtyping import PyTree
 from .vectors import Condition, Scalar
 
 
-class Several(str):
-    """The name of several elements, each of which has a name of its own in `members`.
+class GroupName(str):
+    """The name of a group, whose `members` are the names of its elements.
 
-    It is a string, the same for the same members, so that it serves wherever names do.
+    It is a string that is equal for the same members, and can be used wherever names are.
     """
 
     members: tuple[str, ...]
 
-    def __new__(cls, members: Iterable[str]) -> "Several":
-        """The name of the elements with the given names, in this order."""
+    def __new__(cls, members: Iterable[str]) -> "GroupName":
+        """Return the name of a group of elements, in this order."""
         members = tuple(members)
         name = super().__new__(cls, str(members))
         name.members = members
         return name
 
     def __getnewargs__(self) -> tuple[tuple[str, ...]]:
-        # A copy is made of the members, as the name is: `str` would give its text to `__new__`.
+        # Copies and pickles call `__new__` with the members; `str` would pass its text.
         return (self.members,)
 
 
 def is_structural(leaf: object) -> bool:
-    """Whether a leaf is a Python number, which the alike elements share. numpy's floats are not."""
+    """Return whether a leaf is a Python number, which all elements of a group share. NumPy's floats
+    are not structural."""
     return type(leaf) in (int, float, bool)
 
 
 def stack(trees: Sequence[PyTree]) -> PyTree:
-    """Trees of scalars as one whose leaves have the trees along their axis.
+    """Stack PyTrees of scalars to one PyTree of arrays of shape (n,).
 
-    The structure, and the Python numbers, are those of the first tree.
+    The structure and the Python numbers are those of the first tree.
     """
     first, structure = jax.tree.flatten(trees[0])
     columns = zip(*(jax.tree.leaves(tree) for tree in trees), strict=True)
     leaves = [
-        one if is_structural(one) else _row(column)
-        for one, column in zip(first, columns, strict=True)
+        leaf if is_structural(leaf) else _row(column)
+        for leaf, column in zip(first, columns, strict=True)
     ]
     return jax.tree.unflatten(structure, leaves)
 
@@ -61,18 +62,18 @@ def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
 
 
 def element(tree: PyTree, index: int) -> PyTree:
-    """One of several elements, by its place in the group."""
+    """Return one element of a group, by its index."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
 def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
-    """Values of elements, given by each element's own name, by names that may stand for several.
+    """Convert values by the names of elements to values by `names`, which may be those of groups.
 
-    Names for which there is no value are left out.
+    Names without a value are omitted.
     """
     groups = {}
     for name in names:
-        if not isinstance(name, Several):
+        if not isinstance(name, GroupName):
             groups |= {name: by_member[name]} if name in by_member else {}
         elif name.members[0] in by_member:
             arrays = [jax.tree.map(jnp.asarray, by_member[member]) for member in name.members]
@@ -81,10 +82,10 @@ def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str,
 
 
 def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """The inverse of `by_group`: values by each element's own name."""
+    """Convert values by the names of groups to values by the names of elements."""
     by_member = {}
     for name, tree in groups.items():
-        if isinstance(name, Several):
+        if isinstance(name, GroupName):
             by_member |= {member: element(tree, k) for k, member in enumerate(name.members)}
         else:
             by_member[name] = tree
@@ -92,40 +93,42 @@ def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
-    """Call any function once for all elements of a group, by `jax.vmap`.
+    """Call a function, which may use arrays, once for all elements of a group by `jax.vmap`.
 
-    An argument's array of shape (n,) has one entry an element; scalars and Python numbers are
-    shared by all. Python numbers in the result stay Python numbers.
+    Arrays of shape (n,) in the arguments have one entry for each element; scalars and Python
+    numbers are shared. Python numbers in the result stay Python numbers.
     """
     leaves, structure = jax.tree.flatten(arguments)
-    along = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
+    mapped = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
     shape: PyTree = None
     shared: list[Scalar | None] = []
 
-    def one(own: list[Scalar]) -> list[Scalar]:
+    def of_element(scalars: list[Scalar]) -> list[Scalar]:
         nonlocal shape, shared
-        remaining = iter(own)
+        remaining = iter(scalars)
         filled = [
-            next(remaining) if mine else leaf for leaf, mine in zip(leaves, along, strict=True)
+            next(remaining) if is_mapped else leaf
+            for leaf, is_mapped in zip(leaves, mapped, strict=True)
         ]
         values, shape = jax.tree.flatten(function(*jax.tree.unflatten(structure, filled)))
         shared = [leaf if is_structural(leaf) else None for leaf in values]
         return [leaf for leaf in values if not is_structural(leaf)]
 
-    rows = iter(jax.vmap(one)([leaf for leaf, mine in zip(leaves, along, strict=True) if mine]))
+    arrays = [leaf for leaf, is_mapped in zip(leaves, mapped, strict=True) if is_mapped]
+    rows = iter(jax.vmap(of_element)(arrays))
     return jax.tree.unflatten(shape, [next(rows) if leaf is None else leaf for leaf in shared])
 
 
-def total(value: Scalar) -> Scalar:
-    """The sum over several elements; of one, the value itself."""
+def sum_(value: Scalar) -> Scalar:
+    """Return the sum over the elements of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.sum(value)
 
 
-def least(value: Scalar) -> Scalar:
-    """The smallest of several elements' values; of one, the value itself."""
+def min_(value: Scalar) -> Scalar:
+    """Return the minimum over the elements of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
-def some(value: Condition) -> Condition:
-    """Whether a condition holds for any of several elements; of one, the value itself."""
+def any_(value: Condition) -> Condition:
+    """Return whether a condition holds for any element of a group; a scalar is not changed."""
     return value if np.ndim(value) == 0 else jnp.any(value)

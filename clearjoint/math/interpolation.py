@@ -1,7 +1,7 @@
-"""Interpolation along a step: Hermite's polynomials, parabolas, and the peaks of functions.
+"""Interpolation in a step: Hermite polynomials, parabolas, and maxima of functions.
 
-Places run from 0 at the start of a step to 1 at its end. Everything is scalar arithmetic without
-loops, elementwise in arrays.
+A position x in a step runs from 0 at its start to 1 at its end. All functions are scalar arithmetic
+without loops, elementwise for arrays.
 """
 
 from collections.abc import Callable
@@ -13,16 +13,18 @@ from .vectors import Scalar
 
 NEWTON_STEPS = 4
 TINY = 1e-200
-"""Bend below which a parabola is a line."""
+"""Coefficient of x^2 below which a parabola is a line."""
 SECANT_STEPS = 4
 REFINEMENTS = 3
 MARGIN = 0.05
-"""Of the distance between the outer two of three places: how near to them, at least, a refinement
-stays, so that what follows it divides by no small number."""
+"""Smallest distance of a refinement from the outer two of three points, as a part of the distance
+between these; later refinements would divide by a small number otherwise."""
 GUESS_MARGIN = 0.1
-"""The same of a place that is guessed from points outside."""
+"""Smallest distance of a guess from the ends of the interval between two points, as a part of its
+length, if the guess is extrapolated with a third point outside the interval."""
 LARGEST_SHIFT = 0.25
-"""By which the cubic through four points may move the vertex of a parabola, on that distance."""
+"""Largest correction of a parabola's vertex by a cubic, as a part of the distance between the outer
+two of the parabola's three points."""
 
 
 class Slope(NamedTuple):
@@ -33,7 +35,7 @@ class Slope(NamedTuple):
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Cubic Hermite interpolant at the place x of a step of length h."""
+    """Return the value of the cubic Hermite interpolant at a position x in a step of length h."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -41,16 +43,17 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Rate of the cubic interpolant there."""
+    """Return the rate, per unit of h, of the cubic Hermite interpolant at a position x."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Place at which the cubic interpolant, of opposite signs at its ends, is zero.
+    """Return the approximate position of the root of the cubic Hermite interpolant.
 
-    A few Newton steps kept inside a shrinking bracket: not exact where it bends much.
+    The interpolant must have opposite signs at the ends of the step, whose length is h. A few
+    Newton steps in a shrinking bracket are taken, so the root is inexact for large curvature.
     """
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     x = start.value / (start.value - end.value)
@@ -61,14 +64,17 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
+        # Bisection where Newton's step leaves the bracket.
         inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
     return x
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Place at which a function, of given values of opposite signs at 0 and 1, is zero, by secant
-    steps kept between them."""
+    """Return the approximate position, from 0 to 1, of the root of a function by secant steps.
+
+    **Arguments:** `start`, `end`: values of the function at 0 and 1, of opposite signs.
+    """
     x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
     for _ in range(SECANT_STEPS):
         change = value - value_old
@@ -79,7 +85,7 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar
 
 
 class Bend(NamedTuple):
-    """A value, its rate and its second rate."""
+    """A value, its rate and its rate of second order."""
 
     value: Scalar
     rate: Scalar
@@ -87,15 +93,14 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """The polynomial of a step through value, rate and second rate at both ends; coefficients of
-    the powers of the place, lowest first, and the length of the step."""
+    """Polynomial of fifth degree in x: coefficients, lowest power first, and length of the step."""
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
 
     @staticmethod
     def through(start: Bend, end: Bend, h: Scalar) -> "Quintic":
-        """The one of a step of length h."""
+        """Return the polynomial with value, rate and second rate at both ends of a step."""
         a, da, dda = start.value, h * start.rate, h * h * start.second_rate
         b, db, ddb = end.value, h * end.rate, h * h * end.second_rate
         rise = b - a - da - 0.5 * dda
@@ -106,19 +111,19 @@ class Quintic(NamedTuple):
         return Quintic((a, da, 0.5 * dda, c3, c4, c5), h)
 
     def value(self, x: Scalar) -> Scalar:
-        """The value at a place."""
+        """Return the value at x."""
         a, da, half, c3, c4, c5 = self.coefficients
         return a + x * (da + x * (half + x * (c3 + x * (c4 + x * c5))))
 
     def rate(self, x: Scalar) -> Scalar:
-        """The rate there; zero in a step without length."""
+        """Return the rate at x; zero in a step of zero length."""
         _, da, half, c3, c4, c5 = self.coefficients
         slope = da + x * (2.0 * half + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
         return slope / jnp.where(self.h > 0.0, self.h, 1.0)
 
 
 class Parabola(NamedTuple):
-    """start + slope x + bend x^2 over a step."""
+    """start + slope x + bend x^2 in a step."""
 
     start: Scalar
     slope: Scalar
@@ -126,120 +131,141 @@ class Parabola(NamedTuple):
 
     @staticmethod
     def through(start: Scalar, middle: Scalar, end: Scalar) -> "Parabola":
-        """The one through the values at 0, 1/2 and 1."""
+        """Return the parabola with the given values at 0, 1/2 and 1."""
         bend = 2.0 * (start - 2.0 * middle + end)
         return Parabola(start, end - start - bend, bend)
 
     def at(self, x: Scalar) -> Scalar:
-        """The value at a place."""
+        """Return the value at x."""
         return self.start + x * (self.slope + x * self.bend)
 
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-        """Smallest and largest value between a and b."""
+        """Return the smallest and the largest value between a and b."""
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
-        ends, turn = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
+        ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
         return (
-            jnp.minimum(jnp.minimum(*ends), turn),
-            jnp.maximum(jnp.maximum(*ends), turn),
+            jnp.minimum(jnp.minimum(*ends), inner),
+            jnp.maximum(jnp.maximum(*ends), inner),
         )
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
-        """How long, on the places between a and b, the value is below a level."""
+        """Return the length of the part of [a, b] in which the value is below a level."""
         bend = jnp.where(jnp.abs(self.bend) > TINY, self.bend, TINY)
         above = self.start - level
         squared = self.slope * self.slope - 4.0 * bend * above
         root = jnp.sqrt(jnp.maximum(squared, 0.0))
+        # Both roots without cancellation: q has the larger magnitude of -slope +- root.
         q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
-        one, other = q / bend, above / jnp.where(q == 0.0, 1.0, q)
-        between = jnp.clip(jnp.maximum(one, other), a, b) - jnp.clip(jnp.minimum(one, other), a, b)
+        r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
+        between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
         throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
         return jnp.where(squared > 0.0, crossing, throughout)
 
 
 class Point(NamedTuple):
-    """A value at a place."""
+    """A position in a step and the value of a function there."""
 
-    place: Scalar
+    x: Scalar
     value: Scalar
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Place between the first and the last of three points, in rising order, at which the parabola
-    through them is largest; one in between where it has no largest value."""
+    """Return the position of the maximum of the parabola through three points.
+
+    The position is limited to the interval from the first to the last point. If the parabola has no
+    maximum, it is the middle point's.
+
+    **Arguments:** three points with rising positions.
+    """
     left = _slope(first, middle)
     right = _slope(middle, last)
-    bend = (right - left) / _positive(last.place - first.place)
-    slope = left + bend * (middle.place - first.place)
+    bend = (right - left) / _positive(last.x - first.x)
+    slope = left + bend * (middle.x - first.x)
+    # A parabola without a maximum gives no shift, since the division is by infinity.
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
-    return jnp.clip(middle.place + shift, first.place, last.place)
+    return jnp.clip(middle.x + shift, first.x, last.x)
 
 
 def highest_after(
     value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
 ) -> Point:
-    """The largest value of a function between two of its points, with one more point before them
-    and two more evaluations: at the vertex of the parabola through the three, and at that of the
-    cubic through the four.
+    """Return the estimated maximum of a function between the points `first` and `last`.
 
-    As in `highest` the value is one of the function. The place is the last parabola's vertex, which
-    is nearer to the peak than any place of an evaluation.
+    The function is evaluated twice: at the maximum of the parabola through the three given points,
+    which gives a fourth point, and at the maximum of the cubic through all four points. The value
+    of the result is the largest known value of the function in the interval, as in `highest`. If an
+    inner point is the highest, the position of the result is the maximum of the parabola through it
+    and its neighbours, which is more accurate than the positions of the evaluations.
+
+    **Arguments:** three points with rising positions; `before` is outside the searched interval.
     """
-    margin = GUESS_MARGIN * (last.place - first.place)
+    margin = GUESS_MARGIN * (last.x - first.x)
+    # Without a maximum of the extrapolated parabola the search begins in the middle.
     bends = _bend(before, first, last) < 0.0
-    guess = jnp.where(bends, vertex(before, first, last), 0.5 * (first.place + last.place))
-    guess = jnp.clip(guess, first.place + margin, last.place - margin)
+    guess = jnp.where(bends, vertex(before, first, last), 0.5 * (first.x + last.x))
+    guess = jnp.clip(guess, first.x + margin, last.x - margin)
     middle = Point(guess, value_at(guess))
-    place = _cubic_vertex(before, first, middle, last)
-    one, two, three = _nearest_three(first, middle, last, Point(place, value_at(place)))
-    peaks = (two.value >= one.value) & (two.value >= three.value)
-    top = higher(higher(first, last), two)
-    return Point(jnp.where(peaks, vertex(one, two, three), top.place), top.value)
+    refined = _cubic_vertex(before, first, middle, last)
+    a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
+    is_peak = (b.value >= a.value) & (b.value >= c.value)
+    top = higher(higher(first, last), b)
+    return Point(jnp.where(is_peak, vertex(a, b, c), top.x), top.value)
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Place of the largest value of the cubic through four points, between the last three: by a
-    Newton step from the vertex of their parabola."""
+    """Return the approximate position of the maximum of the cubic through four points.
+
+    It is one Newton step, of at most `LARGEST_SHIFT`, from the maximum of the parabola through the
+    last three points, and is limited to the interval from `first` to `last`.
+
+    **Arguments:** four points with rising positions.
+    """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
-    twist = (bend - _bend(before, first, middle)) / _positive(last.place - before.place)
-    a, b, c = x - first.place, x - middle.place, x - last.place
+    # Newton's form of the cubic: the parabola plus twist (x - first)(x - middle)(x - last), whose
+    # derivatives at x are below.
+    twist = (bend - _bend(before, first, middle)) / _positive(last.x - before.x)
+    a, b, c = x - first.x, x - middle.x, x - last.x
     slope = twist * (a * b + b * c + c * a)
     slope_rate = 2.0 * (bend + twist * (a + b + c))
-    limit = LARGEST_SHIFT * (last.place - first.place)
+    limit = LARGEST_SHIFT * (last.x - first.x)
     shift = -slope / jnp.where(slope_rate < 0.0, slope_rate, -jnp.inf)
-    return jnp.clip(x + jnp.clip(shift, -limit, limit), first.place, last.place)
+    return jnp.clip(x + jnp.clip(shift, -limit, limit), first.x, last.x)
 
 
 def _bend(first: Point, middle: Point, last: Point) -> Scalar:
-    """Half the second derivative of the parabola through three points."""
-    return (_slope(middle, last) - _slope(first, middle)) / _positive(last.place - first.place)
+    """Return the coefficient of x^2 of the parabola through three points."""
+    return (_slope(middle, last) - _slope(first, middle)) / _positive(last.x - first.x)
 
 
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """The largest value of a function between the first and the last of three of its points.
+    """Return the estimated maximum of a function between the first and the last of three points.
 
     Successive parabolic interpolation (R. Brent, Algorithms for Minimization without Derivatives,
-    1973, ch. 5) with three more evaluations. What comes out is a value of the function, so that a
-    kink raises nothing above it.
+    1973, ch. 5) evaluates the function three times. The result is the highest evaluated point, and
+    not the vertex of a parabola, which would be too high at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
-        margin = MARGIN * (last.place - first.place) if count else 0.0
-        place = vertex(first, middle, last)
-        place = jnp.clip(place, first.place + margin, last.place - margin)
-        first, middle, last = _nearest_three(first, middle, last, Point(place, value_at(place)))
+        # No refinement follows the last one, which needs no distance from the others.
+        margin = MARGIN * (last.x - first.x) if count else 0.0
+        x = jnp.clip(vertex(first, middle, last), first.x + margin, last.x - margin)
+        first, middle, last = _nearest_three(first, middle, last, Point(x, value_at(x)))
     return higher(higher(first, last), middle)
 
 
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Of three points in rising order and a new one among them the three about the higher of the
-    inner two."""
-    behind = new.place > middle.place
-    low, high = _either(behind, middle, new), _either(behind, new, middle)
+    """Return the higher of two inner points between its two neighbours.
+
+    **Arguments:** `first`, `middle`, `last`: points with rising positions; `new`: a further point
+    between `first` and `last`. The inner points are `middle` and `new`.
+    """
+    is_right = new.x > middle.x
+    low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
     return (
         _either(falls, first, low),
@@ -249,19 +275,19 @@ def _nearest_three(
 
 
 def higher(one: Point, other: Point) -> Point:
-    """The higher of two points."""
+    """Return the point with the larger value."""
     return _either(other.value > one.value, other, one)
 
 
 def _either(condition: Scalar, one: Point, other: Point) -> Point:
     return Point(
-        jnp.where(condition, one.place, other.place),
+        jnp.where(condition, one.x, other.x),
         jnp.where(condition, one.value, other.value),
     )
 
 
 def _slope(first: Point, second: Point) -> Scalar:
-    return (second.value - first.value) / _positive(second.place - first.place)
+    return (second.value - first.value) / _positive(second.x - first.x)
 
 
 def _positive(length: Scalar) -> Scalar:

@@ -1,8 +1,8 @@
 """Solution of symmetric positive semidefinite systems.
 
-Small systems, rows of scalars, are unrolled into scalar arithmetic, which keeps the stepping loop
-native. Unrolled code grows with the cube of the size and so does its compile time (over a minute
-for 30 rows), so larger systems are arrays and go to LAPACK.
+Small systems are rows of scalars and are solved by unrolled scalar arithmetic, which is fast in a
+stepping loop. Unrolled code, and its compile time, grow with the cube of the size (over a minute
+for 30 rows), so larger systems are arrays that LAPACK solves.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,15 @@ import jax.scipy.linalg
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
 LARGEST_UNROLLED = 12
+"""Largest number of rows of a system that is unrolled."""
 Rows = Sequence[Sequence[Scalar]]
 
 
 class UnrolledFactorisation:
-    """L D L^T of a symmetric positive definite matrix given by its lower triangle.
+    """L D L^T factorisation of a symmetric positive definite matrix, given by its lower triangle.
 
-    Entries that are Python zeros are structural and cost nothing, fill-in excepted, so a sparse
-    matrix is factorised sparsely.
+    Entries that are Python zeros are structural: operations on them are omitted, except for
+    fill-in, so a sparse matrix is factorised sparsely.
     """
 
     def __init__(self, matrix: Rows):
@@ -43,7 +44,7 @@ class UnrolledFactorisation:
         return start
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """The x with matrix x = right."""
+        """Return x with matrix x = right."""
         n = len(right)
         z: list[Scalar] = []
         for i in range(n):
@@ -56,10 +57,10 @@ class UnrolledFactorisation:
 
 
 class OrderedFactorisation:
-    """`UnrolledFactorisation` of a sparse matrix in an order that fills in little.
+    """`UnrolledFactorisation` of a sparse matrix, in an order with little fill-in.
 
-    The next unknown to eliminate is one with the fewest others left in its row (W. F. Tinney, J. W.
-    Walker, Direct solutions of sparse network equations, 1967).
+    The next unknown to eliminate is one with the fewest remaining unknowns in its row (W. F.
+    Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
     """
 
     def __init__(self, matrix: Rows):
@@ -68,10 +69,10 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """The x with matrix x = right."""
+        """Return x with matrix x = right."""
         solution = self._factorisation.solve([right[i] for i in self._order])
-        placed = dict(zip(self._order, solution, strict=True))
-        return [placed[i] for i in range(len(right))]
+        by_unknown = dict(zip(self._order, solution, strict=True))
+        return [by_unknown[i] for i in range(len(right))]
 
 
 def _least_degree_order(matrix: Rows) -> list[int]:
@@ -82,48 +83,49 @@ def _least_degree_order(matrix: Rows) -> list[int]:
     }
     order = []
     while neighbours:
-        chosen = min(neighbours, key=lambda i: len(neighbours[i]))
-        order.append(chosen)
-        around = neighbours.pop(chosen)
-        for i in around:
-            neighbours[i] |= around
-            neighbours[i] -= {i, chosen}
+        eliminated = min(neighbours, key=lambda i: len(neighbours[i]))
+        order.append(eliminated)
+        # Elimination couples all neighbours of an unknown: the fill-in.
+        coupled = neighbours.pop(eliminated)
+        for i in coupled:
+            neighbours[i] |= coupled
+            neighbours[i] -= {i, eliminated}
     return order
 
 
 class AbstractSolver:
-    """A way to solve matrix x = right in either form."""
+    """Solver of matrix x = right, for rows of scalars and for arrays."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """A row of the matrix's factor without what is rounding only; as it is by default."""
+        """Return a row of the matrix's factor without rounding errors; unchanged by default."""
         return list(row)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """The solution for a matrix given by its lower triangle, row by row."""
+        """Solve for a matrix given by the rows of its lower triangle."""
         raise NotImplementedError
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """The solution for arrays of shapes (n, n) and (n,)."""
+        """Solve for arrays of shapes (n, n) and (n,)."""
         raise NotImplementedError
 
 
 class Exact(AbstractSolver):
-    """The direct solution, for regular matrices only."""
+    """Direct solver, for regular matrices only."""
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """The solution by L D L^T in scalar arithmetic."""
+        """Solve by an L D L^T factorisation in scalar arithmetic."""
         return UnrolledFactorisation(matrix).solve(right)
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """The solution by a Cholesky factorisation of LAPACK."""
+        """Solve by a Cholesky factorisation of LAPACK."""
         return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
 
 
 class LeastNorm(AbstractSolver):
-    """The solution of least norm of a singular but consistent system.
+    """Solver for the solution of least norm of a singular but consistent system.
 
     The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
-    converges to the solution of least norm by a factor eps/(eps + sigma) a sweep (E. Bayo, A.
+    converges to the solution of least norm by a factor eps/(eps + sigma) in each sweep (E. Bayo, A.
     Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
     decomposition it can be differentiated where eigenvalues coincide.
     """
@@ -131,28 +133,30 @@ class LeastNorm(AbstractSolver):
     relative_shift = 1e-8
     sweeps = 3
     rounding = 1e-12
-    """Of the entries of rows, which are unit directions and arms in m. Rows that hold by the choice
-    of coordinates have no others: their matrix would be rounding, and so the solution."""
+    """Magnitude up to which an entry of a row (of a unit direction, or an arm in m) is a rounding
+    error. A row that the coordinates satisfy identically consists of rounding errors, and would
+    make the solution arbitrary."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """The row with zeros for entries that are rounding."""
+        """Return the row with zeros for entries that are rounding errors."""
         return [
-            one if is_zero(one) else jnp.where(jnp.abs(one) > self.rounding, one, 0.0)
-            for one in row
+            entry if is_zero(entry) else jnp.where(jnp.abs(entry) > self.rounding, entry, 0.0)
+            for entry in row
         ]
 
     def _shift(self, trace: Scalar, n: int) -> Scalar:
-        """What is added to the diagonal: of a matrix of zeros, one."""
+        """Return eps, relative to the mean of the diagonal; one for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """By L D L^T of the shifted matrix."""
+        """Solve by an L D L^T factorisation of the shifted matrix."""
         trace: Scalar = 0.0
         for i in range(len(matrix)):
             trace = add(trace, matrix[i][i])
         shift = self._shift(trace, len(matrix))
         shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
         factorisation = UnrolledFactorisation(shifted)
+        # The first sweep, from x = 0, needs no product.
         x = factorisation.solve(right)
         for _ in range(self.sweeps - 1):
             image = product(matrix, x)
@@ -161,7 +165,7 @@ class LeastNorm(AbstractSolver):
         return x
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """By Cholesky factorisation of the shifted matrix."""
+        """Solve by a Cholesky factorisation of the shifted matrix."""
         n = matrix.shape[0]
         shift = self._shift(jnp.trace(matrix), n)
         factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
@@ -172,7 +176,7 @@ class LeastNorm(AbstractSolver):
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    """The inner product of two rows of scalars."""
+    """Return the inner product of two rows of scalars."""
     total: Scalar = 0.0
     for a, b in zip(first, second, strict=True):
         total = add(total, multiply(a, b))
@@ -180,6 +184,6 @@ def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
-    """The product of a symmetric matrix, given by its lower triangle, with a vector."""
+    """Return the product of a symmetric matrix, given by its lower triangle, with a vector."""
     n = len(vector)
     return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

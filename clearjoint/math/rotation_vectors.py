@@ -1,4 +1,4 @@
-"""Rotation vectors: an axis times an angle, of turns by less than half a revolution."""
+"""Rotation vectors: axis times angle, for rotations by less than half a revolution."""
 
 from typing import NamedTuple
 
@@ -7,36 +7,42 @@ import jax.numpy as jnp
 from .vectors import Matrix, Scalar, Vector
 
 SMALL = 1e-4
-"""Squared sine up to which its angle over it is a series, to rounding; and hundredth of the squared
-angle up to which `_curvature` is."""
+"""Squared sine up to which `_angle_over_sine` is computed by a series, and a hundredth of the
+squared angle up to which `_curvature` is. The errors of the series are below rounding."""
 TINY = 1e-200
-"""Squared sine that is zero."""
+"""Squared sine that counts as zero."""
 
 
 class RotationVector(NamedTuple):
-    """The `vector`, rad, of a rotation: an axis times an angle of 0 to pi; and the factor of the
-    squared vector product with it in the matrix that maps angular velocities to its rate."""
+    """Rotation vector: axis times angle (0 to pi), rad.
+
+    `factor`: coefficient of the double vector product with it in `rate`.
+    """
 
     vector: Vector
     factor: Scalar
 
     def rate(self, spin: Vector) -> Vector:
-        """Its rate, rad/s, for an angular velocity of the turned frame against the fixed one, rad/s
-        in the fixed one's axes: the inverse of the left Jacobian of the exponential map."""
-        turning = self.vector.cross(spin)
-        return spin - turning * 0.5 + self.vector.cross(turning) * self.factor
+        """Return the rate of the vector, rad/s: the inverse left Jacobian of the exponential map.
+
+        `spin`: angular velocity of the rotated frame relative to the fixed frame, in axes of the
+        latter, rad/s.
+        """
+        product = self.vector.cross(spin)
+        return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
-        """The torque, N m in the fixed axes, that does the work of a moment conjugate to the
-        vector's rate: the transpose of what `rate` multiplies with."""
-        turning = self.vector.cross(moment)
-        return moment + turning * 0.5 + self.vector.cross(turning) * self.factor
+        """Return the torque, N m in fixed axes, with the same power as a moment conjugate to the
+        vector's rate; its matrix is the transpose of that in `rate`."""
+        product = self.vector.cross(moment)
+        return moment + product * 0.5 + self.vector.cross(product) * self.factor
 
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
-    """The rotation vector of a rotation matrix, which turns the fixed frame's axes into the turned
-    one's. It has no direction at half a revolution, where it jumps to its opposite; there
-    it is zero, between both."""
+    """Return the rotation vector of a rotation matrix.
+
+    At half a revolution the vector jumps to its opposite and has no direction; zero is returned.
+    """
     x, y, z = rotation.row_x, rotation.row_y, rotation.row_z
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
@@ -48,7 +54,9 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """An angle of 0 to pi, over its sine; one at zero, and finite at pi."""
+    """Return an angle of 0 to pi divided by its sine; one at zero, and finite at pi."""
+    # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
+    # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)
     sine = jnp.sqrt(jnp.where(near | (squared_sine <= TINY), 1.0, squared_sine))
     s = jnp.where(near, squared_sine, 0.0)
@@ -57,7 +65,7 @@ def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def _curvature(squared_angle: Scalar, stretch: Scalar, cosine: Scalar) -> Scalar:
-    """(1 - (angle/2) cot(angle/2))/angle^2, of which the angle over the sine is the `stretch`."""
+    """Return (1 - (angle/2) cot(angle/2))/angle^2; `stretch` is the angle divided by its sine."""
     near = squared_angle < 100.0 * SMALL
     a = jnp.where(near, squared_angle, 0.0)
     series = 1.0 / 12.0 + a * (1.0 / 720.0 + a * (1.0 / 30240.0 + a / 1209600.0))

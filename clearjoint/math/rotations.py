@@ -4,21 +4,29 @@ import math
 
 import jax.numpy as jnp
 
-from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
+from .vectors import (
+    EulerParameters,
+    Matrix,
+    Scalar,
+    Vector,
+    multiply,
+    square_root,
+    subtract,
+)
 
 
 def squared_norm(p: EulerParameters) -> Scalar:
-    """Sum of the squared Euler parameters; 1 for a rotation."""
+    """Return the sum of the squared Euler parameters, which is 1 for a rotation."""
     return p.e0 * p.e0 + p.e1 * p.e1 + p.e2 * p.e2 + p.e3 * p.e3
 
 
 def rotation_matrix(p: EulerParameters) -> Matrix:
-    """The matrix A that turns body components into global ones.
+    """Return the matrix that transforms body components to global ones.
 
-    Dividing by the squared norm keeps A orthogonal when rounding or integration error lets the
-    norm drift, so that no constraint on the norm is needed.
+    The parameters are divided by their norm, so that the matrix is orthogonal although rounding and
+    integration errors change the norm; no constraint on the norm is needed.
 
-    >>> half = 0.5**0.5  # a quarter turn about z
+    >>> half = 0.5**0.5  # a quarter of a revolution about z
     >>> matrix = extend.rotation_matrix(extend.EulerParameters(half, 0.0, 0.0, half))
     >>> print(f"{(matrix @ extend.UNIT_X).y:.3f}")
     1.000
@@ -36,7 +44,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
 
 def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
-    """Time derivative of the Euler parameters for an angular velocity in body axes, rad/s."""
+    """Return the rates of Euler parameters for an angular velocity in body axes, rad/s."""
     a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
     return EulerParameters(
         -(p.e1 * a + p.e2 * b + p.e3 * c),
@@ -47,10 +55,10 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Euler parameters after a small turn (rotation vector in body axes, rad), of unit norm.
+    """Return Euler parameters, of unit norm, after a small rotation (vector in body axes, rad).
 
-    >>> still = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
-    >>> p = extend.turned(still, extend.Vector(0.0, 0.0, 1e-3))
+    >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
+    >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))
     >>> print(f"{p.e3:.2e}")  # half of the angle
     5.00e-04
     """
@@ -60,20 +68,20 @@ def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
 
 
 def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
-    """Euler parameters of the turn q followed by the turn p: the product of quaternions."""
+    """Return Euler parameters of the rotation q followed by p: the product of quaternions."""
     v, w = Vector(p.e1, p.e2, p.e3), Vector(q.e1, q.e2, q.e3)
     u = w * p.e0 + v * q.e0 + v.cross(w)
     return EulerParameters(subtract(multiply(p.e0, q.e0), v.dot(w)), u.x, u.y, u.z)
 
 
 def conjugate(p: EulerParameters) -> EulerParameters:
-    """Euler parameters of the opposite turn."""
+    """Return Euler parameters of the inverse rotation."""
     v = -Vector(p.e1, p.e2, p.e3)
     return EulerParameters(p.e0, v.x, v.y, v.z)
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Euler parameters scaled to unit norm.
+    """Scale Euler parameters to unit norm.
 
     >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
     >>> print(f"{p.e0:.1f}")
@@ -84,37 +92,37 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 
 NORM_DRIFT = 1e-6
-"""Of the squared norm of Euler parameters, up to which `kept_unit` leaves them alone."""
+"""Error of the squared norm of Euler parameters up to which `kept_unit` does not change them."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
-    """Euler parameters brought back to unit norm if they have drifted from it, for the end of each
-    step; exactly as they are if not.
+    """Correct the norm of Euler parameters at the end of a step, if its error exceeds `NORM_DRIFT`.
 
-    The rotation does not depend on the norm. But each step changes it a little, always one way, and
-    in millions of steps it grows or shrinks without bound, while the error of a step is judged
-    against it: at rtol 1e-4 a spinning top's is 1.6 after 24 h, and at 1e-3 1e40.
+    The rotation does not depend on the norm, but the error control of a step does. Each step
+    changes the norm slightly in the same direction, without bound over millions of steps: for a
+    spinning top it is 1.6 after 24 h at rtol 1e-4, and 1e40 at rtol 1e-3.
     """
     squared = squared_norm(p)
     drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
+    # 2/(1 + n^2) is 1/n to first order in the error of the norm n.
     scale = jnp.where(drifted, 2.0 / (1.0 + squared), 1.0)
     return EulerParameters(p.e0 * scale, p.e1 * scale, p.e2 * scale, p.e3 * scale)
 
 
 def within_two_turns(angle: Scalar) -> Scalar:
-    """The angle, rad, less whole double turns, within (-2 pi, 2 pi); exactly as it is if it is.
+    """Return the angle, rad, less multiples of 4 pi; an angle in (-2 pi, 2 pi) is not changed.
 
-    A double turn gives back the Euler parameters with their sign. An angle that grew with every
-    revolution would lose its digits, and errors would be judged against it.
+    Two revolutions restore the Euler parameters with their sign. An angle that grows with every
+    revolution would lose digits, and relative tolerances of errors would grow with it.
 
-    >>> print(f"{extend.within_two_turns(5.0 * np.pi) / np.pi:.1f}")  # half a turn
+    >>> print(f"{extend.within_two_turns(5.0 * np.pi) / np.pi:.1f}")  # half a revolution
     1.0
     """
     return angle - 4.0 * math.pi * jnp.round(angle / (4.0 * math.pi))
 
 
 def unit(vector: Vector) -> Vector:
-    """A vector of length one; the argument must not vanish.
+    """Scale a vector, which must not be zero, to length one.
 
     >>> direction = extend.unit(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{direction.x:.1f}, {direction.y:.1f}")
@@ -124,11 +132,10 @@ def unit(vector: Vector) -> Vector:
 
 
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
-    """Two unit vectors that complete a unit axis to a right-handed frame.
+    """Return two unit vectors that complete a unit axis to a right-handed frame.
 
-    Replaces equations (2)-(3), whose cross products are not normalised and vanish for an axis
-    antiparallel to the body's zeta axis. Regular for every axis (T. Duff et al., Building an
-    orthonormal basis, revisited, 2017); the frame of the zeta axis is the body's own.
+    The formula is regular for every axis (T. Duff et al., Building an orthonormal basis, revisited,
+    2017). For the z axis the vectors are those of x and y.
     """
     sign = _sign(axis.z)
     a = -1.0 / (sign + axis.z)
@@ -139,7 +146,7 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 def _sign(a: Scalar) -> Scalar:
-    """1 or -1, and 1 for zero; of a Python number, a Python number."""
+    """Return 1 for positive numbers and zero, else -1; a Python number for a Python number."""
     if isinstance(a, int | float):
         return 1.0 if a >= 0.0 else -1.0
     return jnp.where(a >= 0.0, 1.0, -1.0)

@@ -1,8 +1,8 @@
 """Norms, ramps and powers whose values and derivatives are finite everywhere.
 
-The treatment of each kink: a power of a negative number and its derivative are zero; the direction
-of a vanishing vector is zero, and so is the derivative of its norm; a ramp of width w > 0 has a
-continuous derivative, one of width ``None`` is the exact positive part.
+At kinks: a power of a negative number and its derivative are zero; the direction of a zero vector
+and the derivative of its norm are zero; a ramp of width w > 0 has a continuous derivative, and one
+of width ``None`` is the exact positive part.
 """
 
 import jax.numpy as jnp
@@ -14,8 +14,9 @@ _TINY = 1e-200
 
 
 def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
-    """max(x, 0) to a power of at least one; the Python numbers 1.5 and 1 avoid the slow general
-    power.
+    """Return max(x, 0) to a power of at least one.
+
+    If the exponent is the Python number 1.5 or 1, the slow general power is avoided.
 
     >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
     8.0, 0.0
@@ -23,15 +24,16 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     positive, known = x > 0.0, exponent if isinstance(exponent, int | float) else None
     if known == 1.0:
         return jnp.where(positive, x, 0.0)
+    # The power of a negative number would be NaN, and its derivative NaN even where it is not used.
     safe = jnp.where(positive, x, 1.0)
     power = safe * jnp.sqrt(safe) if known == 1.5 else safe**exponent
     return jnp.where(positive, power, 0.0)
 
 
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
-    """Euclidean norm and unit vector; both zero, with zero derivatives, at the zero vector.
+    """Return norm and direction of a vector; for the zero vector, zeros with zero derivatives.
 
-    >>> norm, direction = cj.norm_and_direction(cj.Vector(3.0, 4.0, 0.0))
+    >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")
     5.0, 0.6, 0.8
     """
@@ -43,7 +45,7 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:
-    r"""max(x, 0), or with a width w the ramp that is (x+w)^2/(4w) for -w < x < w.
+    r"""Return max(x, 0), or with a width w its smooth approximation, which differs for -w < x < w:
 
     $$\frac{(x + w)^2}{4 w}, \quad -w < x < w$$
 

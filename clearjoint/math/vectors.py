@@ -1,12 +1,13 @@
 """Vectors and 3x3 matrices whose components are separate scalars.
 
-Why not arrays: XLA's CPU compiler turns a stepping loop into one native function when its body is
-elementwise arithmetic on scalars; a `stack`, a `dot` or a concatenation inside costs a kernel
-launch each, which is then nearly all the time of a run. ``vmap`` adds the lanes, so the same code
-is also the fast form of a batch. A component that is a Python ``0.0`` or ``1.0`` is *structural*:
-it drops out while tracing, so that a fixed ground or a unit vector costs nothing. `structured`
-finds such components in the numbers of a scene: an axis (1, 0, 0) then costs no arithmetic, and a
-program is compiled for each pattern of zeros and ones, not for each number.
+Scalars are faster than arrays here. XLA's CPU compiler compiles a stepping loop to one function if
+its body is elementwise arithmetic on scalars; a `stack`, a `dot` or a concatenation would launch a
+kernel each, which would take most of the time of a run. ``vmap`` adds lanes to the same code.
+
+A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
+tracing, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds these
+components in the numbers of a scene, for example of an axis (1, 0, 0). A program is then compiled
+for each pattern of zeros and ones, and not for each number.
 """
 
 import math
@@ -38,51 +39,53 @@ def _is(value: Scalar, number: float) -> bool:
     return isinstance(value, int | float) and value == number
 
 
-def alike(a: Scalar, b: Scalar) -> bool:
-    """Whether JAX traces both, as numbers of one kind: then the primitive will do, which costs a
-    quarter of the operator's time to trace."""
+def are_traced_alike(a: Scalar, b: Scalar) -> bool:
+    """Return whether JAX traces both numbers, with the same shape and dtype.
+
+    An operation is then its primitive without conversions, which traces in a quarter of the time of
+    the operator.
+    """
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def is_zero(a: Scalar) -> bool:
-    """Whether a number is a structural zero."""
+    """Return whether a number is a structural zero."""
     return _is(a, 0)
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """a + b, where a structural zero vanishes."""
+    """Return a + b, without an operation for a structural zero."""
     if _is(a, 0):
         return b
     if _is(b, 0):
         return a
-    return jax.lax.add(a, b) if alike(a, b) else a + b
+    return jax.lax.add(a, b) if are_traced_alike(a, b) else a + b
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """a - b, where a structural zero vanishes, and so does the difference of one number and
-    itself."""
+    """Return a - b, without an operation for a structural zero or for one number and itself."""
     if a is b:
         return 0.0
     if _is(b, 0):
         return a
     if _is(a, 0):
         return -b
-    return jax.lax.sub(a, b) if alike(a, b) else a - b
+    return jax.lax.sub(a, b) if are_traced_alike(a, b) else a - b
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
-    """a * b, where a structural zero or one vanishes."""
+    """Return a * b, without an operation for a structural zero or one."""
     if _is(a, 0) or _is(b, 0):
         return 0.0
     if _is(a, 1):
         return b
     if _is(b, 1):
         return a
-    return jax.lax.mul(a, b) if alike(a, b) else a * b
+    return jax.lax.mul(a, b) if are_traced_alike(a, b) else a * b
 
 
 def square_root(a: Scalar) -> Scalar:
-    """The square root; of a Python number, a Python number, and of numpy's numpy's."""
+    """Return the square root, of the type of the argument: Python's, NumPy's or JAX's."""
     return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 
@@ -91,7 +94,7 @@ def square_root(a: Scalar) -> Scalar:
 class Vector:
     """A vector of three scalar components.
 
-    >>> force, arm = cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)
+    >>> force, arm = extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)
     >>> arm.cross(force).z, arm.dot(force)
     (5.0, 0.0)
     """
@@ -120,13 +123,13 @@ class Vector:
         return iter((self.x, self.y, self.z))
 
     def dot(self, other: "Vector") -> Scalar:
-        """The scalar product of two vectors."""
+        """Return the scalar product with another vector."""
         return add(
             add(multiply(self.x, other.x), multiply(self.y, other.y)), multiply(self.z, other.z)
         )
 
     def cross(self, other: "Vector") -> "Vector":
-        """The vector product of two vectors."""
+        """Return the vector product with another vector."""
         return Vector(
             subtract(multiply(self.y, other.z), multiply(self.z, other.y)),
             subtract(multiply(self.z, other.x), multiply(self.x, other.z)),
@@ -134,14 +137,14 @@ class Vector:
         )
 
     def componentwise_product(self, other: "Vector") -> "Vector":
-        """The vector of the products of like components."""
+        """Return the vector of products of components."""
         return Vector(
             multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
         )
 
 
 ZERO = Vector(0.0, 0.0, 0.0)
-"""The zero vector, whose components cost nothing where they are multiplied.
+"""The zero vector, whose components are structural.
 
 >>> extend.ZERO + extend.UNIT_X
 Vector(x=1.0, y=0.0, z=0.0)
@@ -169,7 +172,7 @@ Vector(x=0.0, y=0.0, z=2.0)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """A 3x3 matrix, by rows.
+    """A 3x3 matrix, given by its rows.
 
     >>> matrix = extend.Matrix(extend.UNIT_Y, -extend.UNIT_X, extend.UNIT_Z)
     >>> matrix @ extend.Vector(1.0, 2.0, 3.0)
@@ -196,7 +199,7 @@ class Matrix:
         return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def transposed_times(self, vector: Vector) -> Vector:
-        """The product of the transposed matrix with a vector."""
+        """Return the product of the transposed matrix with a vector."""
         return self.row_x * vector.x + self.row_y * vector.y + self.row_z * vector.z
 
     @property
@@ -206,13 +209,13 @@ class Matrix:
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
-        """The matrix less the product of a column and a row."""
+        """Return the matrix minus the outer product of a column and a row."""
         return Matrix(
             self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
         )
 
     def inverse(self) -> "Matrix":
-        """The inverse, by the adjugate."""
+        """Return the inverse, computed by the adjugate."""
         x, y, z = self.row_x, self.row_y, self.row_z
         columns = Matrix(y.cross(z), z.cross(x), x.cross(y))
         scale = 1.0 / x.dot(columns.row_x)
@@ -226,12 +229,13 @@ IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
 Vector(x=1.0, y=0.0, z=0.0)
 """
 NOTHING = Matrix(ZERO, ZERO, ZERO)
+"""The zero matrix."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class EulerParameters:
-    """A unit quaternion, scalar part first, that turns body components into global ones.
+    """A unit quaternion, scalar part first, that transforms body components to global ones.
 
     >>> extend.rotation_matrix(extend.EulerParameters(1.0, 0.0, 0.0, 0.0)).row_x
     Vector(x=1.0, y=0.0, z=0.0)
@@ -249,35 +253,34 @@ Pattern: TypeAlias = tuple[float | None, ...] | None
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Structured:
-    """A PyTree of numbers, and which components of its vectors and matrices are structural.
+class ConstantFolded:
+    """A PyTree of numbers with the structural components of its vectors and matrices.
 
-    `patterns` has for each leaf either ``None``, or the row of its components, of which 0.0 and 1.0
-    are structural and the others ``None``.
+    `patterns`: for each leaf ``None``, or a tuple with an entry for each component: 0.0 or 1.0 if
+    it is structural, else ``None``.
     """
 
     tree: PyTree
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
 
-def structured(tree: PyTree, varied: PyTree = None) -> Structured:
-    """The tree with its exact zeros and ones marked as structural.
+def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
+    """Mark exact zeros and ones in vectors and matrices of a tree as structural.
 
-    What JAX traces is left as it is, and so are the leaves for which the tree of booleans `varied`
-    says that their values vary.
+    Traced leaves are not marked, nor are leaves that are true in the tree of booleans `varied`.
     """
     leaves, structure = jax.tree.flatten(tree)
     tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
-    return Structured(
+    return ConstantFolded(
         tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
 
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Of each leaf, whether a field that holds it is declared as a table: ``{"table": True}`` in
+    """Return for each leaf whether it is in a field declared as a table, by ``{"table": True}`` in
     the field's metadata."""
     tree = jax.tree.unflatten(structure, [0] * structure.num_leaves)
     paths, _ = jax.tree_util.tree_flatten_with_path(tree)
@@ -315,7 +318,7 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
         return leaf
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
     known = (None,) * len(indices) if pattern is None else pattern
-    parts = [leaf[front + at] if k is None else k for at, k in zip(indices, known, strict=True)]
+    parts = [leaf[front + i] if k is None else k for i, k in zip(indices, known, strict=True)]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
 
@@ -323,15 +326,14 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
 def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
 
-    Where all arrays have so many `leading` axes in front, scalars are arrays along these.
-
-    The tree may come as `Structured`: its structural components become Python numbers. Fields that
-    are declared as tables keep their arrays.
+    If all arrays have `leading` additional axes in front, the scalars are arrays with these axes.
+    Structural components of a `ConstantFolded` tree become Python numbers. Fields that are declared
+    as tables keep their arrays.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
     """
-    packed = tree if isinstance(tree, Structured) else Structured(tree, ())
+    packed = tree if isinstance(tree, ConstantFolded) else ConstantFolded(tree, ())
     leaves, shape = jax.tree.flatten(packed.tree)
     patterns = packed.patterns or (None,) * len(leaves)
     rows = zip(leaves, patterns, _in_tables(shape), strict=True)
@@ -353,12 +355,12 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """numpy for numbers of numpy and Python, for which nothing is compiled; else JAX's."""
+    """Return NumPy for numbers of NumPy and Python, for which nothing is compiled, else JAX's."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
 def pack(tree: PyTree) -> PyTree:
-    """The inverse of `unpack`; leading axes shared by all components stay in front.
+    """Invert `unpack`; leading axes of the components stay in front.
 
     >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
     array([1., 2., 3.])

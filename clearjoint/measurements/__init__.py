@@ -1,1 +1,1 @@
-"""Measured series: units, files, residuals. Nothing here fits anything."""
+"""Measured series: units, files and residuals."""

@@ -1,6 +1,6 @@
-"""Measurements from tables: CSV files and xarray datasets.
+"""Readers of measurements from CSV files and xarray datasets.
 
-Rows are counted from 1 below the header; blank and comment lines don't count.
+Error messages count rows from 1 below the header, without blank and comment lines.
 """
 
 import warnings
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
-_OF_A_LINE = (
+_LINE_OPTIONS = (
     "comment",
     "compression",
     "delimiter",
@@ -40,18 +40,18 @@ _OF_A_LINE = (
     "skipinitialspace",
     "skiprows",
 )
-"""Options of `pandas.read_csv` that say how a line is read."""
+"""Options of `pandas.read_csv` that determine how a line is read."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """The quantity that a column holds, with its noise and unit.
+    """The quantity in a column, with its noise and unit.
 
     **Arguments:**
 
     - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
-    - `noise`: one standard deviation, in the column's unit: a number, or one for each row.
-    - `unit`: of the column, where the table does not give it.
+    - `noise`: standard deviation in the column's unit: a number, or one for each row.
+    - `unit`: unit of the column, if the table does not give it.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'
@@ -66,33 +66,33 @@ class Channel:
 class _Column:
     """A column of a table.
 
-    - `place`: what errors call it; `values`: as they stand in the table.
-    - `unit`: that the table gives, ``None`` if it gives none.
+    - `label`: name of the column in errors; `values`: the values in the table.
+    - `unit`: unit in the table, or ``None``.
     """
 
-    place: str
+    label: str
     values: "pd.Series"
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """The values as numbers; NaN what is none."""
+        """Return the values as numbers; NaN for values that are not numbers."""
         import pandas as pd
 
         kind = self.values.dtype.kind
-        remedy = "subtract the first and divide by a second"
-        require(kind not in "mM", self.place, self.values.dtype, "numbers, not dates", remedy)
+        remedy = "subtract the first one and divide by one second"
+        require(kind not in "mM", self.label, self.values.dtype, "numbers, not dates", remedy)
         if kind in "bO":
             plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
-            self.require_each(plain, "a number, not a truth value", "write 0 and 1 if so meant")
+            self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Check every row; the error names the first that is not fine."""
+        """Check every row; the error names the first wrong one."""
         if not fine.all():
             k = int(np.argmin(fine))
             value = self.values.tolist()[k]
             raise ValueError(
-                f"Row {k + 1} of {self.place} must be {expected}, but is {value!r}: {remedy}."
+                f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
             )
 
 
@@ -106,24 +106,24 @@ def read_csv(
     missing: Missing = "refuse",
     **options: Any,
 ) -> Measurements:
-    """Read measurements from a CSV file with a header, compressed or not.
+    """Read measurements from a CSV file with a header, which may be compressed.
 
         probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
         data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
-        data.check(scene)  # are the bodies and joints there?
+        data.check(scene)  # raises an error if the scene lacks the joint
 
-    reads the columns "t [ms]" and "probe x [um]"; all is stored in SI units.
+    reads the columns "t [ms]" and "probe x [um]". Values are converted to SI units.
 
     **Arguments:**
 
-    - `channels`: `Channel` by column. A header may carry the unit: "probe x [mm]" is the column
+    - `channels`: `Channel` by column. A header may contain the unit: "probe x [mm]" is the column
       "probe x".
-    - `time`, `time_unit`: the column of times, and its unit where the header has none.
-    - `noise`: of channels that have none of their own.
-    - `missing`: "drop" leaves samples without a number out of their series; "refuse" raises.
-    - `options`: of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+    - `time`, `time_unit`: the column of times, and its unit if the header has none.
+    - `noise`: noise of channels without their own.
+    - `missing`: "drop" omits samples that are not numbers; "refuse" raises an error.
+    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
-    **Raises:** `ValueError` for a column that is not there, without a unit or in one of another
+    **Raises:** `ValueError` for a missing column, a column without a unit or with a unit of another
     dimension, for text and NaN, times that don't rise, and noise that is not positive.
 
     >>> import pandas as pd
@@ -159,14 +159,14 @@ def function_from_csv(
 
     **Arguments:**
 
-    - `column`: the name of the column of values. A header may carry its unit, "torque [N cm]".
-    - `unit`: the SI unit of what follows the function, into which values are converted; that of
-      the column too where its header has none.
-    - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for values that are switched.
-    - `time`, `time_unit`: the column of times, and its unit where the header has none.
-    - `options`: of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+    - `column`: name of the column of values. A header may contain its unit, "torque [N cm]".
+    - `unit`: SI unit of the function, to which values are converted; also the unit of a column
+      whose header has none.
+    - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
+    - `time`, `time_unit`: the column of times, and its unit if the header has none.
+    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
-    **Raises:** `ValueError` as `read_csv`.
+    **Raises:** `ValueError` as `read_csv` does.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
@@ -175,9 +175,9 @@ def function_from_csv(
     >>> print(f"{torque(0.05):.4f} N m")
     1.2500 N m
     """
-    found = _columns_of(path, options)
-    times = _times(found(time, "time"), time_unit)
-    rows = found(column, "column")
+    column_named = _columns_of(path, options)
+    times = _times(column_named(time, "time"), time_unit)
+    rows = column_named(column, "column")
     values = rows.numbers()
     rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
     factor, _ = _within(rows, lambda: to_si(rows.unit or unit, unit))
@@ -185,8 +185,10 @@ def function_from_csv(
 
 
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """A function that finds a column of a CSV file; its arguments are the column's name, and the
-    name of the caller's argument that gives it."""
+    """Return a function that finds a column of a CSV file.
+
+    Its arguments are the column's name, and the name of the caller's argument, for errors.
+    """
     table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
     headers = [_split(header) for header in _headers(path, table, options)]
     names = [name for name, _ in headers]
@@ -195,7 +197,7 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     def column(name: str, argument: str) -> _Column:
         _require_listed(argument, name, names, f"columns of {file}")
         once = names.count(name) == 1
-        require(once, argument, name, f"once in {file}", "rename one of the columns")
+        require(once, argument, name, f"unique in {file}", "rename one of the columns")
         k = names.index(name)
         return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
 
@@ -209,12 +211,12 @@ def from_xarray(
     noise: ArrayLike | None = None,
     missing: Missing = "refuse",
 ) -> Measurements:
-    """Measurements from the variables of a dataset.
+    """Return measurements from the variables of a dataset.
 
-    Each has one dimension, whose coordinate holds its times in s, or in the unit of its attribute
-    "units". The variables' own attributes "units" are theirs.
+    Each variable has one dimension, whose coordinate has the times, in s or in the unit of the
+    coordinate's attribute "units". A variable's attribute "units" is the unit of its values.
 
-    **Arguments:** `channels`: `Channel` by variable; the others, and errors, as for `read_csv`.
+    **Arguments:** `channels`: `Channel` by variable; other arguments and errors as in `read_csv`.
 
     >>> import xarray as xr
     >>> data = xr.Dataset({"probe": ("t", [1.0, 2.0], {"units": "um"})}, coords={"t": [0.0, 0.1]})
@@ -226,8 +228,8 @@ def from_xarray(
 
     def column(name: Hashable) -> _Column:
         array = dataset[name]
-        place = f"variable {name!r} of the dataset"
-        return _Column(place, pd.Series(np.asarray(array)), array.attrs.get("units"))
+        label = f"variable {name!r} of the dataset"
+        return _Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
     series = {}
     for name, channel in _valid(channels):
@@ -235,10 +237,10 @@ def from_xarray(
         _require_listed("channels", name, variables, "variables of the dataset")
         dims = dataset[name].dims
         remedy = "select one series along the other dimensions"
-        require(len(dims) == 1, f"channels[{name!r}]", dims, "of one dimension, the time's", remedy)
+        require(len(dims) == 1, f"channels[{name!r}]", dims, "of one dimension, time", remedy)
         coordinates = [str(c) for c in dataset.coords]
-        remedy = "label its rows with their times"
-        expected = f"with a coordinate, one of {coordinates}, along {dims[0]!r}"
+        remedy = "add a coordinate with the times"
+        expected = f"a variable along one of the coordinates {coordinates}"
         require(dims[0] in coordinates, f"channels[{name!r}]", dims, expected, remedy)
         times = _times(column(dims[0]), "s")
         series[name] = _series(name, channel, column(name), times, noise, missing)
@@ -255,33 +257,33 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
             raise ValueError(
                 f"File {str(path)!r} must have as many fields in each row as in its header, but "
-                f"pandas says: {str(error).strip()} Pass `sep`, `decimal`, `comment` or `skiprows` "
-                "as it needs."
+                f"pandas reports: {str(error).strip()} Pass the `sep`, `decimal`, `comment` or "
+                "`skiprows` of the file."
             ) from error
         except pd.errors.EmptyDataError as error:
             raise ValueError(
-                f"File {str(path)!r} must have a header and rows, but nothing is in it."
+                f"File {str(path)!r} must have a header and rows, but is empty."
             ) from error
         except UnicodeDecodeError as error:
             raise ValueError(
                 f"File {str(path)!r} must be {error.encoding} text, but its byte "
-                f'0x{error.object[error.start]:02x} is none: pass encoding="latin-1", or the '
-                "encoding it has."
+                f'0x{error.object[error.start]:02x} is not: pass encoding="latin-1", or the '
+                "encoding of the file."
             ) from error
 
 
 def _headers(path: str | Path, table: "pd.DataFrame", options: dict[str, Any]) -> list[Hashable]:
-    """The headers that the caller gives, or those of the file, as they stand there: pandas would
-    put numbers behind headers that stand there twice."""
+    """Return the headers that the caller gives, or else those of the file, unchanged."""
     if not {"header", "names"}.isdisjoint(options) or not len(table.columns):
         return list(table.columns)
-    of_a_line = {k: v for k, v in options.items() if k in _OF_A_LINE}
-    first = _read(path, {"skipinitialspace": True, **of_a_line, "header": None, "nrows": 1})
+    # pandas appends numbers to repeated headers, so the first line is read again as data.
+    line_options = {k: v for k, v in options.items() if k in _LINE_OPTIONS}
+    first = _read(path, {"skipinitialspace": True, **line_options, "header": None, "nrows": 1})
     return first.iloc[0].tolist()
 
 
 def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
-    """Names and channels, each checked to be a channel."""
+    """Yield names and channels, and check each channel."""
     remedy = "pass cj.Channel(quantity, noise=...)"
     require_names("channels", channels, remedy)
     for name, channel in channels.items():
@@ -291,21 +293,21 @@ def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Name and unit of a header such as "x [mm]"."""
+    """Return name and unit of a header such as "x [mm]"."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None
     return name.strip(), rest.removesuffix("]").strip()
 
 
-def _require_listed(argument: str, name: str, listed: list[str], what: str) -> None:
-    require(name in listed, argument, name, f"among the {what}, {listed}", "correct the name")
+def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> None:
+    require(name in listed, argument, name, f"among the {kind}, {listed}", "correct the name")
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:
-    """Times in s, checked to rise."""
+    """Return times in s, and check that they rise."""
     times = column.numbers()
-    column.require_each(np.isfinite(times), "a finite number", "times must not be missing")
+    column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
     column.require_each(rising, "later than the row before", "sort the rows, merge repeated times")
     return times * _within(column, lambda: to_si(column.unit or unit, "s")[0])
@@ -322,42 +324,42 @@ def _series(
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")
     values = column.numbers()
-    there = np.isfinite(values)
+    valid = np.isfinite(values)
     if missing == "refuse":
-        remedy = 'correct it, or pass missing="drop" to leave such samples out'
-        column.require_each(there, "a finite number", remedy)
+        remedy = 'correct it, or pass missing="drop" to omit these samples'
+        column.require_each(valid, "a finite number", remedy)
     deviation = channel.noise if channel.noise is not None else noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
-    require(deviation is not None, "noise", deviation, "one standard deviation", remedy)
+    require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None
     if np.ndim(deviation):
-        expected, remedy = f"of shape {there.shape}", "pass one number, or one a row"
-        require(np.shape(deviation) == there.shape, "noise", np.shape(deviation), expected, remedy)
-        deviation = np.asarray(deviation)[there]
+        expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
+        require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
+        deviation = np.asarray(deviation)[valid]
     unit = _unit(channel, column)
     return _within(
-        column, lambda: Series(channel.quantity, times[there], values[there], deviation, unit, name)
+        column, lambda: Series(channel.quantity, times[valid], values[valid], deviation, unit, name)
     )
 
 
 def _unit(channel: Channel, column: _Column) -> str:
-    """The column's unit, from the table or from its channel."""
+    """Return the column's unit, from the table or from its channel."""
     unit = column.unit if column.unit is not None else channel.unit
     if unit is None:
         raise ValueError(
-            f"The unit of {column.place} must be known, but neither the table nor the channel has "
-            "one: head a CSV column `name [unit]`, set a variable's attribute `units`, or pass "
-            "Channel(..., unit=...)."
+            f"The unit of {column.label} must be known, but neither the table nor the channel has "
+            "one: write `name [unit]` in the header of a CSV column, set a variable's attribute "
+            "`units`, or pass Channel(..., unit=...)."
         )
     same = channel.unit in (None, unit)
-    remedy = "leave the channel's unit out, or correct the table"
-    require(same, f"unit of {column.place}", unit, f"the channel's {channel.unit!r}", remedy)
+    remedy = "omit the channel's unit, or correct the table"
+    require(same, f"unit of {column.label}", unit, f"the channel's {channel.unit!r}", remedy)
     return unit
 
 
 def _within(column: _Column, make: Callable[[], T]) -> T:
-    """The result of a function; its errors name the column."""
+    """Return the result of a function, and add the column's name to its errors."""
     try:
         return make()
     except ValueError as error:
-        raise ValueError(f"In {column.place}: {error}") from error
+        raise ValueError(f"In {column.label}: {error}") from error

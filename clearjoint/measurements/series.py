@@ -1,4 +1,4 @@
-"""Measurements as labelled series: what was measured, when, in which unit, and how noisy."""
+"""Measured series: channel, times, values, unit and noise."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -25,18 +25,18 @@ class Series(AbstractReadable):
 
     **Arguments:**
 
-    - `channel`: the quantity that was measured, a scalar function of an `Instant`: one of
-      `clearjoint.quantities` or a function of one's own. If it has a `period`, such as 2 pi of an
-      angle, residuals are taken modulo this.
-    - `times`: (N,) s, each later than the one before.
+    - `channel`: the measured quantity, a scalar function of an `Instant`: one of
+      `clearjoint.quantities` or a user-defined function. If it has a `period`, such as 2 pi for an
+      angle, residuals are taken modulo the period.
+    - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
-    - `noise`: one standard deviation, in `unit`: a number, or (N,).
-    - `unit`: of `values` and `noise`, any that pint knows; that of the channel unless given. For a
-      function of one's own, which has no unit, it must be given, and the function must return the
-      SI unit of the same dimension.
-    - `name`: of the series in errors.
+    - `noise`: standard deviation in `unit`: a number, or (N,).
+    - `unit`: unit of `values` and `noise`, any that pint knows; by default that of the channel. It
+      is required for a user-defined function, which has no unit; the function must return the SI
+      unit of the same dimension.
+    - `name`: name of the series in errors.
 
-    **Raises:** `ValueError` for values that no measurement can have.
+    **Raises:** `ValueError` for invalid values.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -64,7 +64,7 @@ class Series(AbstractReadable):
         require(callable(channel), "channel", channel, expected, "pass one of cj.quantities")
         si = getattr(channel, "unit", None)
         unit = si if unit is None else unit
-        expected = "given for a channel that names none itself"
+        expected = "given for a channel without a unit"
         require(unit is not None, "unit", unit, expected, 'pass it, for example unit="mm"')
         assert unit is not None
         factor, self.unit = to_si(unit, si)
@@ -84,7 +84,7 @@ class Series(AbstractReadable):
         same = values.shape == noise.shape == times.shape
         shapes = values.shape, noise.shape
         expected = f"of the shape {times.shape} of the times, as the noise"
-        require(same, f"values{label}", shapes, expected, "pass one value a time")
+        require(same, f"values{label}", shapes, expected, "pass one value for each time")
         require_each(np.isfinite(times), f"times{label}", times, "finite", "leave the sample out")
         require_each(np.isfinite(values), f"values{label}", values, "finite", "leave it out")
         positive = np.isfinite(noise) & (noise > 0.0)
@@ -96,38 +96,44 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """Period of the channel, such as 2 pi of an angle; ``None`` if it has none."""
+        """Period of the channel, such as 2 pi for an angle; ``None`` if it has none."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
         return len(self.times)
 
     def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
-        """(Prediction - values) / noise, (N,); of a channel with a period the nearest multiple of
-        it is left out, so that -pi and pi agree.
+        """Return (prediction - values) / noise, (N,).
 
-        **Arguments:** `prediction`: (N,) the channel at `times`, SI. Of NumPy's the residuals are
-        NumPy's, and nothing is compiled for their number.
+        For a channel with a period, the nearest multiple of the period is subtracted from the
+        difference, so that -pi and pi agree.
+
+        **Arguments:** `prediction`: (N,) the channel at `times`, SI. For a NumPy array the result
+        is a NumPy array.
         """
         given = prediction, self.values, self.noise
         traced = any(concrete(each) is None for each in given)
+        # NumPy compiles nothing for a new number of samples.
         library = jnp if traced or isinstance(prediction, jax.Array) else np
         prediction, values, noise = map(library.asarray, given)
         shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
-        require(shape == np.shape(self.values), "prediction", shape, expected, "one value a time")
+        remedy = "pass one value for each time"
+        require(shape == np.shape(self.values), "prediction", shape, expected, remedy)
         difference = prediction - values
         if self.period is not None:
             difference = difference - self.period * library.round(difference / self.period)
         return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
-        """The series with normally distributed noise added: synthetic measurements, if the values
-        are a prediction."""
+        """Return the series with normally distributed noise added.
+
+        If the values are a prediction, these are synthetic measurements.
+        """
         drawn = self.values + self.noise * generator.standard_normal(len(self))
         return self._of(self.times, drawn, self.noise)
 
     def between(self, start: float, end: float) -> "Series | None":
-        """The samples with start <= time < end, or ``None`` if there are none."""
+        """Return the samples with start <= time < end, s, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
@@ -140,7 +146,7 @@ class Series(AbstractReadable):
 def require_each(
     fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
-    """Check every entry of a row; the error names the first that is not fine."""
+    """Check every entry of a row; the error names the first wrong one."""
     if not fine.all():
         k = int(np.argmin(fine))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
@@ -172,14 +178,15 @@ class Measurements(AbstractReadable):
         return self.series[name]
 
     def times(self) -> Float[np.ndarray, " T"]:
-        """Every time at which some series has a sample, rising, s."""
+        """Return the times of all samples, rising, s."""
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 
     def between(self, start: float, end: float) -> "Measurements":
-        """The samples with start <= time < end, s, so that successive spans share none; series
-        without samples there are left out.
+        """Return the samples with start <= time < end, s.
 
-        **Raises:** `ValueError` if there is none at all.
+        Adjacent windows share no samples. Series without samples in the window are left out.
+
+        **Raises:** `ValueError` for a window without samples.
         """
         parts = {name: series.between(start, end) for name, series in self.series.items()}
         inside = {name: series for name, series in parts.items() if series is not None}
@@ -188,27 +195,27 @@ class Measurements(AbstractReadable):
             bool(inside),
             "start, end",
             (start, end),
-            "a window with samples in it",
-            f"choose it between {times[0]} and {times[-1]} s, the end excluded",
+            "a window that contains samples",
+            f"choose it between {times[0]} and {times[-1]} s, where the end is excluded",
         )
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies and joints that the channels name.
 
-        **Raises:** `ValueError` that names the series, and lists what there is.
+        **Raises:** `ValueError` that names the series and lists the known names.
         """
         for name, series in self.series.items():
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """The measurements with normal noise added to each series, of the deviation it states."""
+        """Return the measurements with normal noise, of the stated deviation, added."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":
-        """An `xarray.Dataset` with units: each series, and its noise as "<name>_noise".
+        """Return an `xarray.Dataset` with units: each series, and its noise as "<name>_noise".
 
-        Their dimension is "time" if all have the same times; else each has its own, "<name>_time".
+        The dimension is "time" if all series have the same times, otherwise "<name>_time".
         """
         import xarray as xr
 
@@ -225,5 +232,6 @@ class Measurements(AbstractReadable):
         names = sorted([*variables, *coordinates])
         unique = len(variables) == 2 * len(self.series) and not set(variables) & set(coordinates)
         remedy = 'rename those called "time" or "..._noise"'
-        require(unique, "series", names, "of names that don't meet those of noise and time", remedy)
+        expected = "series whose names differ from those of noise and time"
+        require(unique, "series", names, expected, remedy)
         return xr.Dataset(variables, coordinates)

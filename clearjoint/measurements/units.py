@@ -1,6 +1,6 @@
-"""Units of measured data, converted to SI by pint and its application registry.
+"""Conversion of units to SI by pint and its application registry.
 
-Units that a user defines there (`pint.get_application_registry().define`) hold here, too.
+Units that a user defines there (`pint.get_application_registry().define`) are accepted.
 """
 
 import math
@@ -13,32 +13,33 @@ if TYPE_CHECKING:
     import pint
 
 LONGEST = 100
-"""Characters of a unit."""
+"""Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""The product of all powers in a unit: Python's integers grow until memory ends."""
+"""Largest product of all powers in a unit. Without a limit, integers would exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Factor from a unit to SI, and the SI unit.
+    """Return the factor from a unit to SI, and the SI unit.
 
-    **Arguments:** `si`: the unit to arrive at; ``None`` for whatever SI has for that dimension.
+    **Arguments:** `si`: the SI unit; ``None`` for the SI base unit of the same dimension.
 
-    **Raises:** `ValueError` for a unit that pint does not know, one of another dimension, and one
-    that is no multiple of the SI unit, such as a level in dB.
+    **Raises:** `ValueError` for an unknown unit, a unit of another dimension, and a unit that is
+    not a multiple of the SI unit, such as a level in dB.
     """
-    import pint  # a quarter of a second, which only measured data cost
+    import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
-    own = _pint_unit(registry, unit)
-    target = registry.get_base_units(own)[1] if si is None else registry.Unit(si)
+    source = _pint_unit(registry, unit)
+    target = registry.get_base_units(source)[1] if si is None else registry.Unit(si)
     expected = f"a unit of {'SI' if si is None else si!r}"
-    remedy = f"check the column and its channel; {own} has dimension {own.dimensionality}"
-    require(own.is_compatible_with(target), "unit", unit, expected, remedy)
-    cycles = "hertz" in str(own) and "radian" in str(target)
+    remedy = f"check the column and its channel; {source} has dimension {source.dimensionality}"
+    require(source.is_compatible_with(target), "unit", unit, expected, remedy)
+    # To pint, a radian is dimensionless, so that 1 Hz would silently become 1 rad/s.
+    cycles = "hertz" in str(source) and "radian" in str(target)
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
-    zero, one, two = (registry.convert(number, own, target) for number in (0.0, 1.0, 2.0))
+    zero, one, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
     linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")
     if si is not None:
@@ -57,10 +58,10 @@ def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pin
     expected = "a unit whose powers are small numbers"
     require(small and not chained, "unit", unit, expected, SPELLING)
     try:
-        found = registry.Unit(unit)
-        registry.get_base_units(found)  # overflows for a prefix with a large power
-    except Exception as error:  # pint raises errors of many kinds, its tokenizer's among them
+        known = registry.Unit(unit)
+        registry.get_base_units(known)  # Overflows for a prefix with a large power.
+    except Exception as error:  # pint raises many kinds of errors, including its tokenizer's.
         raise ValueError(
             f"Argument `unit` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
-    return found
+    return known

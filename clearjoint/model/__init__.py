@@ -1,2 +1,4 @@
-"""What a user builds a mechanism of: bodies, joints, laws, the scene, and ready mechanisms. Here
-is what each element says of itself; nothing here solves equations of motion or takes a step."""
+"""Model of a mechanism: bodies, joints, laws, the scene, and mechanisms from the literature.
+
+Each element defines its own behaviour; equations of motion and integration are in other packages.
+"""

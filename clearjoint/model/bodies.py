@@ -21,26 +21,37 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
+from ..fields.types import (
+    ArrayLike,
+    Quadruple,
+    QuadrupleLike,
+    Single,
+    Square,
+    Triple,
+    TripleLike,
+)
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 
 GROUND = "ground"
-"""The name of the fixed body, which every scene has and no state holds.
+"""Name of the fixed body; it is part of every scene but of no state.
 
->>> scene, _ = cj.double_pendulum()
+>>> scene, _ = cj.mechanisms.double_pendulum()
 >>> scene.joints["shoulder"].bearing_body == cj.GROUND
 True
 """
 DENSITIES = 1e-2, 1e6
-"""Densities of a body's equivalent box, kg/m^3, beyond which a unit is mistaken. Solids have 10 to
-2e4; inertias that don't enter a planar motion are often guessed, and a frame is mostly air."""
+"""Range of a body's equivalent box density, kg/m^3, outside which a warning is issued.
+
+Solids have 10 to 2e4. The range is wider, because inertias without effect on a planar motion are
+often guessed, and frames are mostly empty.
+"""
 THINNEST = 1e-2
-"""Smallest side of that box over the largest."""
+"""Smallest ratio of the shortest to the longest side of the equivalent box."""
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
-    """Check three principal moments or an inertia matrix."""
+    """Check the shape and the values of principal moments or an inertia matrix."""
     require(
         np.shape(value) in ((3,), (3, 3)),
         argument,
@@ -54,7 +65,7 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _check_moments(inertia: np.ndarray) -> None:
-    """Check moments, or a matrix, to be those of a rigid body."""
+    """Check that moments or a matrix are those of a rigid body."""
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
@@ -79,17 +90,17 @@ def _check_moments(inertia: np.ndarray) -> None:
 class Body(AbstractReadable):
     """A rigid body with its frame at the centre of mass.
 
+    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` create bodies from dimensions and a
+    mass or density.
+
     **Arguments:**
 
     - `mass`: kg, positive.
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
 
-    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` make it of measures and a mass or a
-    density.
-
-    **Raises:** `ValueError` for values no rigid body can have; moments that break the triangle
-    inequality (each at most the sum of the other two) are among them.
+    **Raises:** `ValueError` if a value is impossible for a rigid body; in particular each principal
+    moment is at most the sum of the other two.
 
     >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
     Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
@@ -123,7 +134,7 @@ class Body(AbstractReadable):
         diameter: Annotated[float, "m"] | None = None,
         axis: str = "x",
     ) -> "Body":
-        """A homogeneous round rod along one of its body's axes.
+        """Return a homogeneous round rod along one of the body's axes.
 
         ```python
         import clearjoint as cj
@@ -135,19 +146,19 @@ class Body(AbstractReadable):
         **Arguments:**
 
         - `length`: m, centred at the centre of mass.
-        - `mass`: kg, or `density`: kg/m^3, one of them.
-        - `diameter`: m; a density needs it. With a mass alone the rod is slender: m l^2/12 across
-          its axis, and about it, where a body must have some moment, that of a steel bar.
-        - `axis`: "x", "y" or "z", along which it lies.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `diameter`: m; required with a density. With only a mass the rod is slender: its
+          transverse moments are m l^2/12, and the moment about its axis is that of a steel bar.
+        - `axis`: direction of the rod, "x", "y" or "z".
 
-        **Raises:** `ValueError` for measures that are not positive, for mass and density both or
-        neither, and a density without a diameter.
+        **Raises:** `ValueError` if a dimension is not positive, unless exactly one of mass and
+        density is given, or if a density is given without a diameter.
         """
         solids.require_one(mass, density)
         if diameter is not None:
             return Body(*solids.cylinder(diameter, length, mass, density, 0.0, axis))
-        remedy = "pass diameter= in m, or mass= in kg in place of the density"
-        require(density is None, "diameter", None, "given beside a density", remedy)
+        remedy = "pass diameter= in m, or mass= in kg instead of the density"
+        require(density is None, "diameter", None, "given with a density", remedy)
         return Body(*solids.slender_rod(length, mass, axis))
 
     @staticmethod
@@ -160,7 +171,7 @@ class Body(AbstractReadable):
         inner_diameter: Annotated[float, "m"] = 0.0,
         axis: str = "z",
     ) -> "Body":
-        """A homogeneous cylinder about one of its body's axes: a shaft, a disc, a tube, a ring.
+        """Return a homogeneous cylinder about one of the body's axes: a shaft, disc, tube or ring.
 
         ```python
         import clearjoint as cj
@@ -171,12 +182,13 @@ class Body(AbstractReadable):
 
         **Arguments:**
 
-        - `diameter`, `length`: m; `inner_diameter`: m, of the hole, zero without one.
-        - `mass`: kg, or `density`: kg/m^3, one of them.
-        - `axis`: "x", "y" or "z", about which it is round.
+        - `diameter`, `length`: m.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `inner_diameter`: m, of the hole; zero without one.
+        - `axis`: axis of symmetry, "x", "y" or "z".
 
-        **Raises:** `ValueError` for measures that are not positive or a hole too large, and for
-        mass and density both or neither.
+        **Raises:** `ValueError` if a dimension is not positive, the hole is too large, or unless
+        exactly one of mass and density is given.
         """
         return Body(*solids.cylinder(diameter, length, mass, density, inner_diameter, axis))
 
@@ -187,7 +199,7 @@ class Body(AbstractReadable):
         mass: Annotated[float, "kg"] | None = None,
         density: Annotated[float, "kg/m^3"] | None = None,
     ) -> "Body":
-        """A homogeneous box with its sides along its body's axes.
+        """Return a homogeneous box with its sides along the body's axes.
 
         ```python
         import clearjoint as cj
@@ -195,11 +207,13 @@ class Body(AbstractReadable):
         slider = cj.Body.box(lengths=(0.06, 0.04, 0.02), density=cj.densities.ALUMINIUM)
         ```
 
-        **Arguments:** `lengths`: (3,) m, along x, y and z; `mass`: kg, or `density`: kg/m^3, one of
-        them.
+        **Arguments:**
 
-        **Raises:** `ValueError` for lengths that are not positive, and for mass and density both or
-        neither.
+        - `lengths`: (3,) m, along x, y and z.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+
+        **Raises:** `ValueError` if a length is not positive, or unless exactly one of mass and
+        density is given.
         """
         return Body(*solids.box(lengths, mass, density))
 
@@ -211,7 +225,7 @@ class Body(AbstractReadable):
         density: Annotated[float, "kg/m^3"] | None = None,
         inner_diameter: Annotated[float, "m"] = 0.0,
     ) -> "Body":
-        """A homogeneous sphere.
+        """Return a homogeneous sphere.
 
         ```python
         import clearjoint as cj
@@ -219,29 +233,35 @@ class Body(AbstractReadable):
         ball = cj.Body.sphere(diameter=0.01, density=cj.densities.STEEL)
         ```
 
-        **Arguments:** `diameter`: m; `inner_diameter`: m, of a hollow one; `mass`: kg, or
-        `density`: kg/m^3, one of them.
+        **Arguments:**
+
+        - `diameter`: m.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `inner_diameter`: m, of a hollow sphere; zero by default.
 
         **Raises:** `ValueError` as `cylinder`.
         """
         return Body(*solids.sphere(diameter, mass, density, inner_diameter))
 
     def gyration_radius(self) -> float:
-        """Radius of gyration about the centre of mass, m; of numbers that are known."""
+        """Return the radius of gyration about the centre of mass, m; the numbers must be
+        concrete."""
         inertia = np.asarray(self.inertia)
         trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
         return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
-        """Inertia times spin, body axes, kg m^2/s. In scalar form."""
+        """Return inertia times spin in body axes, kg m^2/s, for a body in scalar form."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
-    """Density of the homogeneous box, kg/m^3; one without thickness counts as a thin plate."""
+    """Return the density of the equivalent homogeneous box, kg/m^3; a flat one counts as a thin
+    plate."""
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
+    # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
 
@@ -266,13 +286,14 @@ class BodyState(AbstractReadable):
 
 
 class State(AbstractReadable):
-    """State of a system: the bodies by name, and the memory of the contacts that have one.
+    """State of a system.
 
-    `memory[joint][contact]` is the entry speed of the present contact in m/s, or zero in flight;
-    the dictionary is empty for scenes whose laws keep no memory. `work` holds the integrals of the
-    energy ledger in J by name, and is empty unless the ledger is asked for.
-    `bristles[joint][contact]`, (3,) m, are deflections of bristles, in the axes of the joint's
-    first body, zero in flight; the dictionary is empty for scenes without bristle laws.
+    - `bodies`: `BodyState` by name.
+    - `entry_speeds[joint][contact]`: entry speed of the current contact in m/s, zero in flight;
+      empty for scenes whose laws don't use entry speeds.
+    - `work`: integrals of the energy ledger in J by name; empty unless the ledger is requested.
+    - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body,
+      zero in flight; empty for scenes without bristle laws.
 
     >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
     >>> state.bodies["arm"].position
@@ -280,23 +301,23 @@ class State(AbstractReadable):
     """
 
     bodies: dict[str, BodyState]
-    memory: dict[str, dict[str, Single]]
+    entry_speeds: dict[str, dict[str, Single]]
     work: dict[str, Single]
     bristles: dict[str, dict[str, Triple]]
 
     def __init__(
         self,
         bodies: Mapping[str, BodyState],
-        memory: dict[str, dict[str, Single]] | None = None,
+        entry_speeds: dict[str, dict[str, Single]] | None = None,
         work: dict[str, Single] | None = None,
         bristles: dict[str, dict[str, Triple]] | None = None,
     ):
         remedy = "pass State({name: body_state(...)})"
         self.bodies = named("bodies", bodies, remedy)
         for name, body in self.bodies.items():
-            kind, fine = type(body).__name__, isinstance(body, BodyState)
-            require(fine, f"bodies[{name!r}]", kind, "a BodyState", remedy)
-        self.memory = {} if memory is None else memory
+            kind, is_valid = type(body).__name__, isinstance(body, BodyState)
+            require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)
+        self.entry_speeds = {} if entry_speeds is None else entry_speeds
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles
 
@@ -307,7 +328,7 @@ class Wrench:
     """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motion.wrench(cj.Vector(0.0, 10.0, 0.0), cj.Vector(0.5, 0.0, 0.0)).moment.z  # N m
+    >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
     5.0
     """
 
@@ -319,7 +340,7 @@ class Wrench:
 
 
 NO_WRENCH = Wrench(ZERO, ZERO)
-"""Neither force nor moment: what a sum of wrenches begins with.
+"""The zero wrench.
 
 >>> extend.NO_WRENCH.force
 Vector(x=0.0, y=0.0, z=0.0)
@@ -331,9 +352,9 @@ Vector(x=0.0, y=0.0, z=0.0)
 class Anchor:
     """A point of a body, `local` in body axes, near a fixed point `origin` of the ground.
 
-    `offset` is the small vector from origin to point. Kept as such, and not as the difference of
-    coordinates a metre long, it has digits enough for penetrations of a few nanometres. `velocity`
-    is that of the point, m/s.
+    `offset` is the small vector from the origin to the point, and `velocity` is the point's, m/s.
+    The offset is stored because the difference of two coordinates of about a metre would have too
+    few digits for penetrations of a few nanometres.
     """
 
     local: Vector
@@ -345,14 +366,14 @@ class Anchor:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Pose and twist of a body: the whole interface between coordinates and everything else.
+    """Pose and twist of a body: the interface between coordinates and elements.
 
-    Position and velocity are global, the spin is in body axes, `rotation` turns body components
-    into global ones. Where there is an `anchor`, points near it are known to more digits than the
-    position, and so are their velocities.
+    Position and velocity are global, the spin is in body axes, and `rotation` transforms body
+    components to global ones. With an `anchor`, positions and velocities of points near it are more
+    accurate.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
-    >>> motion.velocity_at(cj.Vector(0.5, 0.0, 0.0))  # v + w x r
+    >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
     Vector(x=2, y=1.5, z=0.0)
     """
 
@@ -363,44 +384,46 @@ class Motion:
     anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
-        """Global position of a point given in body axes (eqs 6 and 7)."""
+        """Return the global position of a point in body axes, m (eqs 6 and 7)."""
         return self.position + self.rotation @ local
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
-        """The vector from a fixed global point to a point given in body axes."""
+        """Return the vector from a fixed global point to a point in body axes, m."""
         if self.anchor is None:
             return self.point(local) - origin
+        # The small vectors are added first, so that large coordinates don't round them.
         near = self.anchor.offset + self.rotation @ (local - self.anchor.local)
         return (self.anchor.origin - origin) + near
 
     def direction(self, local: Vector) -> Vector:
-        """Global components of a direction given in body axes."""
+        """Return the global components of a direction in body axes."""
         return self.rotation @ local
 
     def components(self, vector: Vector) -> Vector:
-        """Components in body axes of a vector given in global axes."""
+        """Return the components in body axes of a global vector."""
         return self.rotation.transposed_times(vector)
 
     def velocity_at(self, local: Vector) -> Vector:
-        """Global velocity of a material point given in body axes (eq. 19)."""
+        """Return the global velocity of a material point in body axes, m/s (eq. 19)."""
         if self.anchor is None:
             return self.velocity + self.rotation @ self.spin.cross(local)
         arm = local - self.anchor.local
         return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
 
     def wrench(self, force: Vector, local: Vector) -> Wrench:
-        """A global force at a point given in body axes, carried to the centre of mass (eqs 22-23).
+        """Return a global force at a point in body axes as a wrench about the centre of mass (eqs
+        22-23).
 
-        Arms in body axes are free of the rounding of global positions.
+        Arms in body axes have no rounding errors from global positions.
         """
         return Wrench(force, local.cross(self.components(force)))
 
     def torque(self, torque: Vector) -> Wrench:
-        """A pure torque given in global axes."""
+        """Return a pure torque, given in global axes, as a wrench."""
         return Wrench(ZERO, self.rotation.transposed_times(torque))
 
     def power(self, wrench: Wrench) -> Scalar:
-        """Power of a wrench on this motion, W."""
+        """Return the power of a wrench on this motion, W."""
         return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
 
 
@@ -413,20 +436,25 @@ def body_state(
     velocity: TripleLike = (0.0, 0.0, 0.0),
     spin: TripleLike = (0.0, 0.0, 0.0),
 ) -> BodyState:
-    """A checked `BodyState`; at rest and parallel to the global frame unless told otherwise.
+    """Return a `BodyState` with checked values.
 
     ```python
     import clearjoint as cj
 
-    turned = cj.rotation(axis=(0, 0, 1), angle=0.3)
-    start = cj.State({"arm": cj.body_state((0.5, 0, 0), turned, spin=(0, 0, 2.0))})
+    tilted = cj.rotation(axis=(0, 0, 1), angle=0.3)
+    start = cj.State({"arm": cj.body_state((0.5, 0, 0), tilted, spin=(0, 0, 2.0))})
     ```
 
-    **Arguments:** `position`: (3,) m, of the centre of mass; `orientation`: (4,) Euler parameters,
-    scalar part first, body to global, as `rotation` makes them; `velocity`: (3,) m/s, global;
-    `spin`: (3,) rad/s, in body axes.
+    **Arguments:**
 
-    **Raises:** `ValueError` for wrong shapes, NaN, or Euler parameters not of unit norm.
+    - `position`: (3,) m, of the centre of mass, global.
+    - `orientation`: (4,) Euler parameters, scalar first, body to global, for example from
+      `rotation`; parallel to the global frame by default.
+    - `velocity`: (3,) m/s, global; zero by default.
+    - `spin`: (3,) rad/s, in body axes; zero by default.
+
+    **Raises:** `ValueError` if a shape is wrong, a number is not finite, or the Euler parameters
+    don't have unit norm.
 
     >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0))
     BodyState(

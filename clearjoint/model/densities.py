@@ -1,5 +1,7 @@
-"""Densities of what machines are made of, kg/m^3, at room temperature: for `Body.rod`, `Body.box`,
-`Body.cylinder` and `Body.sphere`. Alloys of a name differ from these by a few percent.
+"""Densities of common materials, kg/m^3, at room temperature.
+
+They are meant for `Body.rod`, `Body.box`, `Body.cylinder` and `Body.sphere`. Actual alloys deviate
+by a few percent.
 
 Source: Dubbel, Taschenbuch für den Maschinenbau, 25th ed. 2018, tables of materials.
 """

@@ -1,4 +1,4 @@
-"""Orientations by an axis and an angle."""
+"""Orientations from an axis and an angle."""
 
 import math
 
@@ -10,13 +10,12 @@ from ..fields.checks import as_number, caution_above, require_axis, require_shap
 from ..fields.types import Quadruple, TripleLike
 from ..math.vectors import Scalar
 
-MOST_TURNS = 2
-"""Turns beyond which an angle is mistaken for one in degrees."""
+MOST_REVOLUTIONS = 2
+"""Number of revolutions above which a warning asks whether the angle is in degrees."""
 
 
 def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
-    """Euler parameters of a turn about an axis: for `body_state` and wherever else an `orientation`
-    is asked for.
+    """Return the Euler parameters of a rotation about an axis, for any `orientation` argument.
 
     ```python
     import clearjoint as cj
@@ -27,21 +26,22 @@ def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     drive = cj.PrescribedRotation("ground", "arm", (0, 0, 1), speed=5.0, orientation=tilted)
     ```
 
-    In a scene file a table stands in its place: ``orientation = {axis = [0, 0, 1], angle = "30
-    deg"}``.
+    Scene files use a table instead: ``orientation = {axis = [0, 0, 1], angle = "30 deg"}``.
 
-    **Arguments:** `axis`: (3,), of any length, the same in the axes of both frames; `angle`: rad,
-    right-handed.
+    **Arguments:**
 
-    **Returns:** (4,), the scalar part first.
+    - `axis`: (3,), any length; its components are the same in both frames.
+    - `angle`: rad, right-handed.
 
-    **Raises:** `ValueError` for an axis of length zero, and for what is not finite.
+    **Returns:** (4,) Euler parameters, scalar first.
+
+    **Raises:** `ValueError` if the axis has zero length or a number is not finite.
     """
-    vector, turn = as_number(axis), as_number(angle)
+    vector, radians = as_number(axis), as_number(angle)
     require_axis("axis", vector)
-    require_shape("angle", turn, (), "pass one number in rad")
-    caution_above("angle", abs(turn), "rad", MOST_TURNS * 2.0 * math.pi, "give it in rad")
-    numpy = jnp if isinstance(vector, jax.Array) or isinstance(turn, jax.Array) else np
+    require_shape("angle", radians, (), "pass one number in rad")
+    caution_above("angle", abs(radians), "rad", MOST_REVOLUTIONS * 2.0 * math.pi, "give it in rad")
+    numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
     direction = vector / numpy.sqrt(vector @ vector)
-    sine, cosine = numpy.sin(0.5 * turn), numpy.cos(0.5 * turn)
+    sine, cosine = numpy.sin(0.5 * radians), numpy.cos(0.5 * radians)
     return numpy.stack([cosine, *(sine * direction[k] for k in range(3))])

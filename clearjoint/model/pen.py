@@ -1,8 +1,8 @@
-"""What an element of a scene says of how it looks.
+"""Drawing interface: an element describes its appearance with the methods of a pen.
 
-An element draws itself with a pen, `AbstractElement.draw(pen)`, in the words below. What they look
-like, and how large symbols are, is the pen's; so one description serves every kind of picture, and
-elements of one's own draw themselves in the same words.
+An element draws itself in `AbstractElement.draw(pen)`. The pen determines the style and the size of
+symbols, so that one description serves all kinds of figures. User-defined elements use the same
+methods.
 """
 
 import abc
@@ -15,10 +15,13 @@ from ..fields.types import Single, Triple
 
 
 class Marker(NamedTuple):
-    """A point of a body, (3,) m in its axes, and a direction there, (3,) of any length, if the
-    element has one.
+    """A point of a body with an optional direction.
 
-    >>> cj.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
+    - `body`: name of the body.
+    - `point`: (3,) m in its axes.
+    - `axis`: (3,) in its axes, any length, or ``None``.
+
+    >>> extend.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
     array([0. , 0.6, 0.8])
     """
 
@@ -27,9 +30,9 @@ class Marker(NamedTuple):
     axis: Triple | None = None
 
     def along(self) -> np.ndarray:
-        """The direction as a unit vector, (3,).
+        """Return the direction as a unit vector, (3,).
 
-        **Raises:** `ValueError` for a marker without an axis.
+        **Raises:** `ValueError` if the marker has no axis.
         """
         remedy = "draw with Marker(body, point, axis)"
         require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
@@ -38,12 +41,12 @@ class Marker(NamedTuple):
 
 
 class AbstractPen(abc.ABC):
-    """Draws what is at places of two bodies, the first one's before the second's.
+    """Draws symbols at points of one or two bodies; the first body's marker comes first.
 
     ```python
     import clearjoint as cj
 
-    class Rope(cj.AbstractForce):
+    class Rope(cj.extend.AbstractForce):
         body: str
 
         def body_names(self):
@@ -53,51 +56,52 @@ class AbstractPen(abc.ABC):
             return {}
 
         def draw(self, pen):
-            pen.spring(cj.Marker("ground", (0, 0, 1)), cj.Marker(self.body, (0, 0, 0)))
+            pen.spring(Marker("ground", (0, 0, 1)), Marker(self.body, (0, 0, 0)))
 
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"rope": Rope("ball")})
     ```
     """
 
     @abc.abstractmethod
-    def mark(self, place: Marker) -> None:
-        """A point of which no more is known than that something acts there."""
+    def mark(self, marker: Marker) -> None:
+        """Draw a point of action without a specific symbol."""
 
     @abc.abstractmethod
     def weld(self, first: Marker, second: Marker) -> None:
-        """Places that move as one."""
+        """Draw a rigid connection."""
 
     @abc.abstractmethod
     def pin(self, first: Marker, second: Marker) -> None:
-        """A hinge about the axes of both places."""
+        """Draw a hinge about the markers' axes."""
 
     @abc.abstractmethod
     def ball(self, first: Marker, second: Marker) -> None:
-        """A point about which the bodies turn in all directions."""
+        """Draw a ball joint."""
 
     @abc.abstractmethod
     def cross(self, first: Marker, second: Marker) -> None:
-        """The cross of a universal joint, with an arm along the axis of each place."""
+        """Draw the cross of a universal joint, with an arm along the axis of each marker."""
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """A block, or if it is `turning` a sleeve, on a rail along the axis of the first place."""
+        """Draw a block, or a sleeve if it is `turning`, on a rail along the first marker's axis."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
-        """A plane at a right angle to the first place's axis, in which the second one stays."""
+        """Draw a plane perpendicular to the first marker's axis, which contains the second
+        point."""
 
     @abc.abstractmethod
     def rod(self, first: Marker, second: Marker) -> None:
-        """A thin rod between two points."""
+        """Draw a thin rod between two points."""
 
     @abc.abstractmethod
     def spring(self, first: Marker, second: Marker) -> None:
-        """A spring between two points."""
+        """Draw a spring between two points."""
 
     @abc.abstractmethod
-    def load(self, place: Marker, force: Triple) -> None:
-        """A force, (3,) N in global axes, at a point."""
+    def load(self, marker: Marker, force: Triple) -> None:
+        """Draw a force, (3,) N in global axes, at a point."""
 
     @abc.abstractmethod
     def bearing(
@@ -109,28 +113,36 @@ class AbstractPen(abc.ABC):
         clearance: Single,
         length: Single,
     ) -> None:
-        """A journal in a bearing with radial clearance: radius of the bearing, ``None`` if nobody
-        knows it, and length, m. The axes are those of the cylinders."""
+        """Draw a journal in a bearing, along the markers' axes.
+
+        `radius` of the bearing, ``None`` if unknown, radial `clearance` and `length` are in m.
+        """
 
     @abc.abstractmethod
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """A ball in a socket with radial clearance: radius of the socket, m."""
+        """Draw a ball in a socket; radius of the socket and radial clearance are in m."""
 
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Two walls at a right angle to a `normal`, as far apart as the distance, m, with a place
-        midway. They are as long as the way of the second body's runner between them."""
+        """Draw two walls perpendicular to `normal`, at a `distance` in m, with a marker midway
+        between.
+
+        They are as long as the path of the second body's `runner` between them.
+        """
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """A block as long along the axis of its centre, and as high along its `normal`, m."""
+        """Draw a block with a `length`, m, along the marker's axis and a `height`, m, along
+        `normal`."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """A cylinder of a radius, m, across the plane of the motion."""
+        """Draw a cylinder with a radius in m, perpendicular to the plane of motion."""
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """A spur gear of a pitch radius, m, negative if it is internal, with a number of teeth.
-        `phase`: rad, where the middle of a tooth is, from the first of the axis' transverse axes.
+        """Draw a spur gear with a pitch radius in m, negative for an internal gear.
+
+        `phase` is the angle in rad of the middle of a tooth, from the first transverse axis of the
+        marker's axis.
         """

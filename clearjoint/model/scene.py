@@ -1,4 +1,4 @@
-"""The scene: bodies, joints, forces and gravity, by name."""
+"""The scene: bodies, joints, forces and gravity by name."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -7,13 +7,7 @@ import jax
 import numpy as np
 
 from ..fields.cautions import LooseBodyWarning, caution
-from ..fields.checks import (
-    caution_above,
-    caution_unless,
-    concrete,
-    named,
-    require,
-)
+from ..fields.checks import caution_above, caution_unless, concrete, named, require
 from ..fields.declarations import optional_quantity
 from ..fields.readable import AbstractReadable
 from ..fields.suggestions import nearest
@@ -22,7 +16,12 @@ from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.rotation import AbstractDrive
-from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+from .joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
 
 
 def unconnected_bodies(
@@ -30,7 +29,7 @@ def unconnected_bodies(
     joints: Mapping[str, AbstractElement],
     forces: Mapping[str, AbstractElement],
 ) -> list[str]:
-    """The bodies that no element names, of a scene that has joints."""
+    """Return the bodies that no element acts on, in a scene with joints."""
     named = {
         body for element in (*joints.values(), *forces.values()) for body in element.body_names()
     }
@@ -40,7 +39,7 @@ def unconnected_bodies(
 def unheld_drives(
     joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
 ) -> list[str]:
-    """The drives about an axis between two bodies that no chain of joints connects."""
+    """Return the drives about an axis whose two bodies no chain of joints connects."""
     drives = {
         name: element
         for name, element in {**joints, **forces}.items()
@@ -55,32 +54,34 @@ def unheld_drives(
 
 
 def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """The bodies that links lead to, the body itself among them."""
-    found, waiting = {body}, [set(link) for link in links]
-    while reached := [link for link in waiting if link & found]:
-        found |= set().union(*reached)
-        waiting = [link for link in waiting if not link <= found]
-    return found
+    """Return the bodies that chains of links connect with a body, including the body."""
+    connected, remaining = {body}, [set(link) for link in links]
+    while adjacent := [link for link in remaining if link & connected]:
+        connected |= set().union(*adjacent)
+        remaining = [link for link in remaining if not link <= connected]
+    return connected
 
 
 FARTHEST = 100.0
-"""Distance of a body's point from its centre of mass, over the radius of gyration, beyond which one
-is warned."""
+"""Ratio of a point's distance from the centre of mass to the radius of gyration, above which a
+warning is issued."""
 STRONGEST_GRAVITY = 1e3
-"""Likewise the acceleration of gravity, m/s^2."""
+"""Acceleration of gravity above which a warning is issued, m/s^2."""
 
 
 class Scene(AbstractReadable):
-    """A mechanism: a PyTree whose numbers may change without compiling anew.
+    """A mechanism: bodies, joints, forces and gravity.
+
+    A scene is a PyTree. Changing its numbers doesn't recompile.
 
     **Arguments:**
 
-    - `bodies`: `Body` by name. The name "ground" is taken by the fixed body.
+    - `bodies`: `Body` by name. The name "ground" is reserved for the fixed body.
     - `joints`: ideal joints and clearance joints by name.
     - `forces`: springs, dampers and loads by name.
     - `gravity`: (3,) m/s^2, or ``None``.
 
-    **Raises:** `ValueError` for an element of the wrong kind or one that names an unknown body.
+    **Raises:** `ValueError` if an element has the wrong class or names an unknown body.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -115,7 +116,7 @@ class Scene(AbstractReadable):
             GROUND not in self.bodies,
             "bodies",
             GROUND,
-            "without the name of the fixed body",
+            "without the reserved name of the fixed body",
             "rename the body",
         )
         _check_kinds("bodies", self.bodies, Body)
@@ -135,19 +136,19 @@ class Scene(AbstractReadable):
     def _caution_together(self) -> None:
         for name in unconnected_bodies(self.bodies, self.joints, self.forces):
             caution(
-                f"No joint and no force holds body {name!r}, which flies free: name it in one, or "
-                "leave it out.",
+                f"No joint and no force acts on body {name!r}, which moves freely: connect it, or "
+                "remove it.",
                 LooseBodyWarning,
             )
         for name in unheld_drives(self.joints, self.forces):
             caution(
-                f"Drive {name!r} turns a body about an axis on which no joint holds it: put a "
-                "RevoluteJoint, say, between the same bodies.",
+                f"Drive {name!r} rotates a body about an axis that no joint holds: add a joint, "
+                "such as a RevoluteJoint, between the same bodies.",
                 LooseBodyWarning,
             )
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """The joints that have contacts, by name."""
+        """Return the joints with contacts by name."""
         return {
             name: joint
             for name, joint in self.joints.items()
@@ -155,12 +156,12 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """The laws of the contacts whose friction comes from bristles, by joint and contact."""
+        """Return the bristle laws by joint and contact."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
-        """The normal law of each contact, by joint and contact."""
+        """Return the normal laws by joint and contact."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
@@ -171,36 +172,38 @@ def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) ->
             f"{argument}[{name!r}]",
             type(element).__name__,
             "one of " + ", ".join(kind.__name__ for kind in kinds),
-            f"pass an element of that kind{_rightful_place(element)}",
+            f"pass an element of that class{_hint_for(element)}",
         )
 
 
-def _rightful_place(element: object) -> str:
-    """Where in a scene something belongs, as the end of a remedy."""
+def _hint_for(element: object) -> str:
+    """Return the argument of `Scene` for an element's class, as the end of a remedy."""
     families = {
         "bodies": Body,
         "joints": (AbstractConstraint, AbstractContactJoint),
         "forces": AbstractForce,
     }
-    found = [family for family, kinds in families.items() if isinstance(element, kinds)]
-    return "".join(f"; this one belongs among the `{family}`" for family in found)
+    matching = [family for family, kinds in families.items() if isinstance(element, kinds)]
+    return "".join(f"; pass this one in `{family}`" for family in matching)
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that an element names bodies of the scene. A function, since to look a method up is to
-    flatten the whole scene while it is made."""
+    """Check that an element names bodies of the scene.
+
+    It is a function, because looking up a method would flatten the whole unfinished scene.
+    """
     known = {GROUND, *bodies}
     for name in element.body_names():
         if name in known:
             continue
         remedy = nearest(name, known, "correct the name, or add the body to the scene")
         expected = f"between known bodies {sorted(known)}"
-        held = [f".{key}" for key, value in vars(element).items() if value is name]
-        require(False, f"{argument}{''.join(held[:1])}", name, expected, remedy)
+        fields = [f".{key}" for key, value in vars(element).items() if value is name]
+        require(False, f"{argument}{''.join(fields[:1])}", name, expected, remedy)
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points so far from their bodies' centres of mass that a unit is mistaken."""
+    """Warn of points far from their body's centre of mass, which suggest a wrong unit."""
     for name, body, point in element.attachments():
         numbers = (bodies[body], point) if body in bodies else ()
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):

@@ -1,4 +1,4 @@
-"""Functions that run as machine code of this room on CPUs, and by XLA elsewhere."""
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
 
 import os
 import warnings
@@ -12,26 +12,27 @@ from jaxtyping import PyTree
 
 from ..compilation import Compiled
 from ..compilation.tracing import is_tracing
-from .functions import Given, NativeFunction
+from .functions import FlatArguments, NativeFunction
 from .lowering import UnsupportedPrimitiveError
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 SWITCH = "CLEARJOINT_NATIVE"
-"""Environment variable: 0 has XLA compile everything."""
+"""Environment variable: with the value 0, XLA compiles everything."""
 _reported: set[str] = set()
 
 
 class NativeFallbackWarning(UserWarning):
-    """A program that XLA compiles, since the scene has a primitive of JAX without a rule in
-    `clearjoint.native`. Results are right, compiling takes longer."""
+    """XLA compiles a program, because the scene uses a primitive of JAX without a rule in
+    `clearjoint.native`. Results are correct; compiling takes longer."""
 
 
 class Native(Generic[Arguments, Result]):
-    """A function that is compiled without XLA where it can be: on CPUs, outside of transformations.
+    """A function that is compiled to native code on CPUs, outside of JAX's transformations.
 
-    Results then have NumPy's arrays. A function with a primitive that has no rule in `.lowering` is
-    compiled by XLA, with one warning if `warns`. `native`: the function in native code.
+    Arrays in results are then NumPy's. XLA compiles the function on accelerators, inside of
+    transformations, and if it uses a primitive without a rule; in the last case there is one
+    warning if `warns`. `native`: the function in native code.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -43,50 +44,49 @@ class Native(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """The function's result."""
+        """Return the function's result."""
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
-        given = Given.of(arguments)
-        traced = any(isinstance(array, Tracer) for array in given.arrays)
-        if not traced and given.key not in self._refused:
+        flat = FlatArguments.of(arguments)
+        traced = any(isinstance(array, Tracer) for array in flat.arrays)
+        if not traced and flat.key not in self._refused:
             try:
-                return self.native.run(given)
+                return self.native.run(flat)
             except UnsupportedPrimitiveError as error:
-                self._refused.add(given.key)
+                self._refused.add(flat.key)
                 if self._warns:
                     report_fallback(error)
         return self._compiled(*arguments, **options)
 
-    def program(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> str:
-        """The program for such arguments, as XLA optimises it."""
-        return self._compiled.program(*arguments, **options)
-
     def programs(self) -> int:
-        """How many programs have been compiled."""
+        """Return the number of compiled programs."""
         return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:
-    """Whether programs are compiled by this room: on CPUs, unless `SWITCH` is 0."""
+    """Return whether programs are compiled to native code: on CPUs, unless `SWITCH` is 0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
-    """A function of each row of arrays: one row after the other in native code, which else would be
-    as long as there are rows; all at once in XLA's."""
+    """Apply a function to each row of arrays.
+
+    XLA computes all rows at once. Native code computes them in a loop, since it would unroll a
+    mapped function to one copy for each row.
+    """
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)
     return jax.vmap(function)(*rows)
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
-    """Warn once of each reason for which XLA compiles a program."""
+    """Warn that XLA compiles a program, once for each reason."""
     reason = str(error)
     if reason not in _reported:
         _reported.add(reason)
         warnings.warn(
             f"XLA compiles this program, which takes longer: no native code for {reason}. "
-            f"Results are right. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
+            f"Results are correct. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
             NativeFallbackWarning,
             stacklevel=4,
         )

@@ -1,11 +1,16 @@
-"""Elementary functions as arithmetic, which vectors of lanes and tangents carry out side by side.
+"""Elementary functions as arithmetic, so that vectors of lanes and tangents compute them at once.
+
+The C library would be called for each lane and tangent. Here the same operations are computed at
+any width, so that the bits of a result do not depend on it.
 
 Sines and cosines: reduction by fused multiply-adds (Cody and Waite) and the polynomials of Sun's
 fdlibm. Exponentials, logarithms, powers and hyperbolic tangents: sums of two doubles (Dekker) and
-Taylor's polynomials of a reduced argument. Errors stay below one unit in the last place, as the
-tests measure with mpmath: at most 0.95 for `expm1`, 0.8 for sines, cosines and `tanh`, and 0.7 for
-the others.
-Arguments outside the ranges given here, infinities and NaN are left to the C library.
+Taylor's polynomials of a reduced argument. Errors are below one unit in the last place, measured
+with mpmath in the tests: at most 0.95 for `expm1`, 0.8 for sines, cosines and `tanh`, and 0.7 for
+the others. The C library computes results for arguments outside the ranges below, infinities and
+NaN.
+
+A number of about twice the precision of a double is the sum of two: a high and a low part.
 """
 
 import math
@@ -14,25 +19,27 @@ from collections.abc import Callable, Sequence
 from .operations import Number, Operations, Value
 
 LARGEST_ANGLE = 1e8
-"""Of sines and cosines that are computed here; rad."""
+"""Largest argument of sines and cosines, rad."""
 LARGEST_EXPONENT = 700.0
-"""Of exponentials, and of a power's exponent times the logarithm of its base."""
+"""Largest argument of exponentials; of a power, exponent times logarithm of the base."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
-"""Of bases and logarithms' arguments."""
+"""Range of the arguments of logarithms and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
-"""As a sum of two doubles; whole multiples of the first are exact."""
+"""High and low part of log(2); integer multiples of the high part are exact."""
 _TWO_THIRDS = (2.0 / 3.0, 3.700743415417188e-17)
+"""High and low part of 2/3."""
 _LOGARITHM = tuple(2.0 / k for k in range(5, 29, 2))
-"""Of the area tangent, from the fifth power on."""
+"""Coefficients of 2 artanh, from the fifth power on."""
 _EXPONENTIAL = tuple(1.0 / math.factorial(k) for k in range(3, 15))
-"""From the third power on."""
+"""Coefficients of exp, from the third power on."""
 _LAST_TANH = 22.0
+"""Argument from which on tanh is one to rounding."""
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
-"""Its bits."""
+"""Bits of the root of 1/2."""
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
-"""Pi/2 as a sum of three doubles."""
+"""pi/2 as a sum of three doubles."""
 _ROUNDING = 6755399441055744.0
-"""1.5 * 2**52: added to a number below 2**51, it leaves the nearest integer in the last bits."""
+"""1.5 * 2**52: the sum with a number below 2**51 has the nearest integer in its last bits."""
 _SINE = (
     -1.66666666666666324348e-01,
     8.33333333332248946124e-03,
@@ -52,107 +59,120 @@ _COSINE = (
 
 
 class _Arithmetic:
-    """Operations on values of one kind, floats or vectors of tangents."""
+    """Emits arithmetic on floats or on vectors of tangents, according to `kind`.
 
-    def __init__(self, do: Operations, kind: str):
-        self.do, self.kind = do, kind
+    Methods append operations to `ops` and return the symbol of the result, not a number.
+    """
+
+    def __init__(self, ops: Operations, kind: str):
+        self.ops, self.kind = ops, kind
         self.suffix = kind[1:]
 
     def constant(self, number: Number, kind: str = "f") -> Value:
-        value = self.do.constant(kind, number)
-        return self.do.do("splat", kind + self.suffix, value) if self.suffix else value
+        value = self.ops.constant(kind, number)
+        return self.ops.emit("splat", kind + self.suffix, value) if self.suffix else value
 
     def add(self, a: Value, b: Value) -> Value:
-        return self.do.do("fadd", self.kind, a, b)
+        return self.ops.emit("fadd", self.kind, a, b)
 
     def subtract(self, a: Value, b: Value) -> Value:
-        return self.do.do("fsub", self.kind, a, b)
+        return self.ops.emit("fsub", self.kind, a, b)
 
     def multiply(self, a: Value, b: Value) -> Value:
-        return self.do.do("fmul", self.kind, a, b)
+        return self.ops.emit("fmul", self.kind, a, b)
 
     def fused(self, a: Value, b: Value, c: Value) -> Value:
-        """a b + c, rounded once."""
-        return self.do.do("fma", self.kind, a, b, c)
+        """Return a b + c, rounded once."""
+        return self.ops.emit("fma", self.kind, a, b, c)
 
     def polynomial(self, x: Value, coefficients: Sequence[float]) -> Value:
-        """Coefficients by rising powers; pairs are taken together, side by side (Estrin)."""
+        """Emit the evaluation of a polynomial at x, and return its value.
+
+        Estrin's scheme joins neighbouring terms in pairs, then the pairs, and so on. Unlike
+        Horner's, most of its operations don't wait for each other.
+
+        **Arguments:** `coefficients`: by rising powers, at least one.
+        """
         terms = [self.constant(coefficient) for coefficient in coefficients]
         while len(terms) > 1:
-            rest = terms[len(terms) // 2 * 2 :]
+            rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
             pairs = zip(terms[::2], terms[1::2], strict=False)
             terms = [self.fused(high, x, low) for low, high in pairs] + rest
             x = self.multiply(x, x)
         return terms[0]
 
     def negative(self, a: Value) -> Value:
-        return self.do.do("fneg", self.kind, a)
+        return self.ops.emit("fneg", self.kind, a)
 
     def divide(self, a: Value, b: Value) -> Value:
-        return self.do.do("fdiv", self.kind, a, b)
+        return self.ops.emit("fdiv", self.kind, a, b)
 
     def product(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """a b as a sum of two."""
+        """Return the exact product a b as the sum of a high and a low part."""
         high = self.multiply(a, b)
         return high, self.fused(a, b, self.negative(high))
 
     def total(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """a + b as a sum of two (Knuth)."""
+        """Return the exact sum a + b as the sum of a high and a low part (Knuth)."""
         high = self.add(a, b)
         moved = self.subtract(high, a)
         low = self.subtract(a, self.subtract(high, moved))
         return high, self.add(low, self.subtract(b, moved))
 
     def rounded(self, a: Value) -> tuple[Value, Value]:
-        """The nearest integer as a float, and as an integer in the last bits of another."""
+        """Return the integer n nearest to a, as a float and as an integer whose last bits are n."""
         shifted = self.add(a, self.constant(_ROUNDING))
         return self.subtract(shifted, self.constant(_ROUNDING)), self.bits(shifted)
 
-    def scaled(self, a: Value, whole: Value) -> Value:
-        """a times two to an integer, a normal number."""
-        shift = self.whole("shift_left", whole, 52)
-        return self.of_bits(self.do.do("add", f"i{self.suffix}", self.bits(a), shift))
+    def scaled(self, a: Value, n: Value) -> Value:
+        """Return a 2**n for an integer n; both a and the result must be normal numbers."""
+        shift = self.whole("shift_left", n, 52)
+        return self.of_bits(self.ops.emit("add", f"i{self.suffix}", self.bits(a), shift))
 
     def whole(self, name: str, a: Value, number: int) -> Value:
-        return self.do.do(name, f"i{self.suffix}", a, self.constant(number, "i"))
+        return self.ops.emit(name, f"i{self.suffix}", a, self.constant(number, "i"))
 
     def of_bits(self, whole: Value) -> Value:
-        return self.do.do("float_of_bits", self.kind, whole)
+        return self.ops.emit("float_of_bits", self.kind, whole)
 
     def within(self, least: float, value: Value, largest: float) -> Value:
         condition = f"b{self.suffix}"
-        above = self.do.do("fge", condition, value, self.constant(least))
-        return self.do.do(
-            "and", condition, above, self.do.do("fle", condition, value, self.constant(largest))
+        above = self.ops.emit("fge", condition, value, self.constant(least))
+        return self.ops.emit(
+            "and", condition, above, self.ops.emit("fle", condition, value, self.constant(largest))
         )
 
     def bits(self, value: Value) -> Value:
-        return self.do.do("float_bits", f"i{self.suffix}", value)
+        return self.ops.emit("float_bits", f"i{self.suffix}", value)
 
     def has_bit(self, whole: Value, bit: int) -> Value:
-        masked = self.do.do("and", f"i{self.suffix}", whole, self.constant(bit, "i"))
-        return self.do.do("int_to_bool", f"b{self.suffix}", masked)
+        masked = self.ops.emit("and", f"i{self.suffix}", whole, self.constant(bit, "i"))
+        return self.ops.emit("int_to_bool", f"b{self.suffix}", masked)
 
     def select(self, condition: Value, yes: Value, no: Value) -> Value:
-        return self.do.do("select", self.kind, condition, yes, no)
+        return self.ops.emit("select", self.kind, condition, yes, no)
 
 
-def _sine_and_cosine(do: Operations, kind: str, angle: Value) -> tuple[Value, Value, Value]:
-    """Sine and cosine of an angle less a multiple of pi/2, and an integer with the multiple in its
-    last bits."""
-    a = _Arithmetic(do, kind)
+def _sine_and_cosine(ops: Operations, kind: str, angle: Value) -> tuple[Value, Value, Value]:
+    """Return sine and cosine of angle - n pi/2 for the nearest integer n, and n.
+
+    Angles are in rad. The third result is an integer whose last bits are n.
+    """
+    a = _Arithmetic(ops, kind)
     rounding = a.constant(_ROUNDING)
     shifted = a.fused(angle, a.constant(2.0 / math.pi), rounding)
-    minus = do.do("fneg", kind, a.subtract(shifted, rounding))
-    # The first difference is exact. Near multiples of pi/2 it is as small as the second one, so
-    # the error of that sum is computed too (Knuth) and goes on as a tail.
+    minus = ops.emit("fneg", kind, a.subtract(shifted, rounding))
+    # x + tail = angle - n pi/2, with pi/2 as a sum of three doubles. The first difference is exact.
+    # Near multiples of pi/2 it is as small as the second term, so the rounding error of their sum
+    # is computed too (Knuth) and becomes part of the tail.
     first, second = a.fused(minus, a.constant(_HALF_PI[0]), angle), a.constant(_HALF_PI[1])
     product = a.multiply(minus, second)
     x = a.add(first, product)
     moved = a.subtract(x, first)
     tail = a.add(a.subtract(first, a.subtract(x, moved)), a.subtract(product, moved))
-    tail = a.add(tail, a.fused(minus, second, do.do("fneg", kind, product)))
+    tail = a.add(tail, a.fused(minus, second, ops.emit("fneg", kind, product)))
     tail = a.fused(minus, a.constant(_HALF_PI[2]), tail)
+    # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order.
     z = a.multiply(x, x)
     cube, half = a.multiply(z, x), a.constant(0.5)
     r = a.polynomial(z, _SINE[1:])
@@ -168,55 +188,54 @@ def _sine_and_cosine(do: Operations, kind: str, angle: Value) -> tuple[Value, Va
 
 
 def _with_library(a: _Arithmetic, name: str, fits: Value, usual: Value, *given: Value) -> Value:
-    """The C library's result in lanes in which arguments do not fit, if there is one."""
-    beyond = a.do.do("not", f"b{a.suffix}", fits)
+    """Replace the result by the C library's in lanes whose arguments are out of range.
+
+    The library is called only if there is such a lane.
+    """
+    beyond = a.ops.emit("not", f"b{a.suffix}", fits)
 
     def rare() -> list[Value]:
-        return [a.select(beyond, a.do.do(name, a.kind, *given), usual)]
+        return [a.select(beyond, a.ops.emit(name, a.kind, *given), usual)]
 
-    return a.do.branch(beyond, rare, lambda: [usual])[0]
-
-
-def _angle_fits(a: _Arithmetic, angle: Value) -> Value:
-    return a.within(-LARGEST_ANGLE, angle, LARGEST_ANGLE)
+    return a.ops.branch(beyond, rare, lambda: [usual])[0]
 
 
-def _sine(do: Operations, kind: str, parameters: object, angle: Value) -> Value:
-    if do.number(angle) is not None:
-        return do.constant("f", math.sin(float(do.constants[angle])))
-    a = _Arithmetic(do, kind)
-    sine, cosine, quarter = _sine_and_cosine(do, kind, angle)
-    size = a.select(a.has_bit(quarter, 1), cosine, sine)
-    usual = a.select(a.has_bit(quarter, 2), do.do("fneg", kind, size), size)
-    return _with_library(a, "sin", _angle_fits(a, angle), usual, angle)
+def _circular(name: str) -> Callable[..., Value]:
+    """The rule for "sin" or "cos"."""
 
+    def rule(ops: Operations, kind: str, parameters: object, angle: Value) -> Value:
+        if ops.number(angle) is not None:
+            return ops.constant("f", getattr(math, name)(float(ops.constants[angle])))
+        a = _Arithmetic(ops, kind)
+        sine, cosine, quarter = _sine_and_cosine(ops, kind, angle)
+        even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
+        size = a.select(a.has_bit(quarter, 1), odd, even)
+        if name == "cos":  # cos(x) = sin(x + pi/2)
+            quarter = ops.emit("add", f"i{a.suffix}", quarter, a.constant(1, "i"))
+        usual = a.select(a.has_bit(quarter, 2), ops.emit("fneg", kind, size), size)
+        fits = a.within(-LARGEST_ANGLE, angle, LARGEST_ANGLE)
+        return _with_library(a, name, fits, usual, angle)
 
-def _cosine(do: Operations, kind: str, parameters: object, angle: Value) -> Value:
-    if do.number(angle) is not None:
-        return do.constant("f", math.cos(float(do.constants[angle])))
-    a = _Arithmetic(do, kind)
-    sine, cosine, quarter = _sine_and_cosine(do, kind, angle)
-    size = a.select(a.has_bit(quarter, 1), sine, cosine)
-    following = do.do("add", f"i{a.suffix}", quarter, a.constant(1, "i"))
-    usual = a.select(a.has_bit(following, 2), do.do("fneg", kind, size), size)
-    return _with_library(a, "cos", _angle_fits(a, angle), usual, angle)
+    return rule
 
 
 def _logarithm_of(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
-    """The logarithm of a positive normal number, as a sum of two."""
-    # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh((m - 1) / (m + 1)).
+    """Return high and low part of the logarithm of a positive normal number."""
+    # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh(s) with
+    # s = (m - 1) / (m + 1) = f / divisor, as s + s_low.
     bits = a.bits(x)
     above = a.whole("sub", bits, _ROOT_OF_HALF)
     k = a.whole("shift_right", above, 52)
-    m = a.of_bits(a.do.do("sub", f"i{a.suffix}", bits, a.whole("shift_left", k, 52)))
+    m = a.of_bits(a.ops.emit("sub", f"i{a.suffix}", bits, a.whole("shift_left", k, 52)))
     rounding = a.constant(_ROUNDING)
-    number = a.subtract(a.of_bits(a.do.do("add", f"i{a.suffix}", k, a.bits(rounding))), rounding)
+    number = a.subtract(a.of_bits(a.ops.emit("add", f"i{a.suffix}", k, a.bits(rounding))), rounding)
     one = a.constant(1.0)
     f, (divisor, rest) = a.subtract(m, one), a.total(m, one)
     inverse = a.divide(one, divisor)
     s = a.multiply(f, inverse)
     s_low = a.fused(a.negative(s), divisor, f)
     s_low = a.multiply(a.fused(a.negative(s), rest, s_low), inverse)
+    # 2 artanh(s) = 2 s + s (2/3 s**2 + ...): the sum in parentheses is w + w_low.
     square, square_low = a.product(s, s)
     square_low = a.fused(a.add(s, s), s_low, square_low)
     third, third_low = a.product(square, a.constant(_TWO_THIRDS[0]))
@@ -230,6 +249,7 @@ def _logarithm_of(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
     twice, twice_low = a.add(s, s), a.add(s_low, s_low)
     high = a.add(twice, cubic)
     low = a.add(a.add(a.add(a.subtract(twice, high), cubic), cubic_low), twice_low)
+    # log x = k log(2) + log m. The first product is exact.
     first = a.multiply(number, a.constant(_LN_2[0]))
     result = a.add(first, high)
     low = a.fused(number, a.constant(_LN_2[1]), low)
@@ -239,7 +259,7 @@ def _logarithm_of(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
 def _exponential_of(
     a: _Arithmetic, x: Value, x_low: Value
 ) -> tuple[Value, Value, tuple[Value, Value]]:
-    """r, p and n in exp(x + x_low) = 2**n (1 + r + p), n as a float and as an integer."""
+    """Return r, p and n of exp(x + x_low) = 2**n (1 + r + p), n as a float and as an integer."""
     n, whole = a.rounded(a.multiply(x, a.constant(1.0 / math.log(2.0))))
     minus = a.negative(n)
     r = a.fused(minus, a.constant(_LN_2[0]), x)
@@ -257,7 +277,7 @@ def _exponential_from(a: _Arithmetic, x: Value, x_low: Value) -> Value:
 
 
 def _exponential_less_one(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
-    """exp(x) - 1 as a sum of two."""
+    """Return high and low part of exp(x) - 1."""
     r, p, (_, n) = _exponential_of(a, x, a.constant(0.0))
     one = a.constant(1.0)
     scale = a.scaled(one, n)
@@ -266,39 +286,39 @@ def _exponential_less_one(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
     return a.total(high, a.add(a.add(low, lower), a.multiply(scale, p)))
 
 
-def _exponential(do: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(do, kind)
+def _exponential(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
+    a = _Arithmetic(ops, kind)
     usual = _exponential_from(a, x, a.constant(0.0))
     return _with_library(a, "exp", a.within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT), usual, x)
 
 
-def _expm1(do: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(do, kind)
+def _expm1(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
+    a = _Arithmetic(ops, kind)
     usual = _keeping_zero(a, x, _exponential_less_one(a, x)[0])
     return _with_library(a, "expm1", a.within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT), usual, x)
 
 
-def _tanh(do: Operations, kind: str, parameters: object, x: Value) -> Value:
-    """Of E = exp(2 |x|) - 1: E / (E + 2), which is one from `_LAST_TANH` on."""
-    a = _Arithmetic(do, kind)
-    size, last = do.do("abs", kind, x), a.constant(_LAST_TANH)
-    size = a.select(do.do("fgt", f"b{a.suffix}", size, last), last, size)
+def _tanh(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
+    """E / (E + 2) with E = exp(2 |x|) - 1, and the sign of x."""
+    a = _Arithmetic(ops, kind)
+    size, last = ops.emit("abs", kind, x), a.constant(_LAST_TANH)
+    size = a.select(ops.emit("fgt", f"b{a.suffix}", size, last), last, size)
     high, low = _exponential_less_one(a, a.add(size, size))
     divisor, rest = a.total(a.constant(2.0), high)
     q = a.divide(high, divisor)
     left = a.add(a.fused(a.negative(q), divisor, high), low)
     left = a.fused(a.negative(q), a.add(rest, low), left)
-    return do.do("copysign", kind, a.add(q, a.divide(left, divisor)), x)
+    return ops.emit("copysign", kind, a.add(q, a.divide(left, divisor)), x)
 
 
-def _logarithm(do: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(do, kind)
+def _logarithm(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
+    a = _Arithmetic(ops, kind)
     fits = a.within(LEAST_NORMAL, x, LARGEST_NUMBER)
     return _with_library(a, "log", fits, a.add(*_logarithm_of(a, x)), x)
 
 
-def _log1p(do: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(do, kind)
+def _log1p(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
+    a = _Arithmetic(ops, kind)
     u, rest = a.total(a.constant(1.0), x)
     high, low = _logarithm_of(a, u)
     usual = _keeping_zero(a, x, a.add(high, a.add(low, a.divide(rest, u))))
@@ -306,17 +326,17 @@ def _log1p(do: Operations, kind: str, parameters: object, x: Value) -> Value:
 
 
 def _keeping_zero(a: _Arithmetic, x: Value, result: Value) -> Value:
-    """The result, but zero with its sign for zero."""
-    return a.select(a.do.do("feq", f"b{a.suffix}", x, a.constant(0.0)), x, result)
+    """Return the result, or x itself where x is a zero, which has a sign."""
+    return a.select(a.ops.emit("feq", f"b{a.suffix}", x, a.constant(0.0)), x, result)
 
 
-def power(do: Operations, kind: str, base: Value, exponent: Value) -> Value:
-    """A power with a float as its exponent."""
-    a = _Arithmetic(do, kind)
+def power(ops: Operations, kind: str, base: Value, exponent: Value) -> Value:
+    """Compute a power with a float as exponent."""
+    a = _Arithmetic(ops, kind)
     high, low = _logarithm_of(a, base)
     product, rest = a.product(exponent, high)
     usual = _exponential_from(a, product, a.fused(exponent, low, rest))
-    fits = do.do(
+    fits = ops.emit(
         "and",
         f"b{a.suffix}",
         a.within(LEAST_NORMAL, base, LARGEST_NUMBER),
@@ -326,12 +346,12 @@ def power(do: Operations, kind: str, base: Value, exponent: Value) -> Value:
 
 
 ELEMENTARY: dict[str, Callable[..., Value]] = {
-    "sin": _sine,
-    "cos": _cosine,
+    "sin": _circular("sin"),
+    "cos": _circular("cos"),
     "exp": _exponential,
     "expm1": _expm1,
     "tanh": _tanh,
     "log": _logarithm,
     "log1p": _log1p,
 }
-"""Rules, as those of `.elementwise`, by the names of primitives."""
+"""Rules as in `.elementwise`, by the names of primitives."""

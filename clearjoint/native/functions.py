@@ -19,26 +19,28 @@ from numpy.typing import ArrayLike
 
 from ..compilation.clock import begins_a_program, program_is_made_inside
 from ..compilation.tracing import collector_at_rest, program_of
+from . import control, indexing, reductions, structure
 from .cells import Cells
-from .kept import kept
+from .disk_cache import load_or_make
 from .llvm_text import llvm_text
 from .lowering import Lowering, Region, UnsupportedPrimitiveError, aval_of, tangents_of
 from .machine_code import compiled
 from .operations import Number, Operations
-from .primitives import RULES
+
+RULES = structure.RULES | indexing.RULES | reductions.RULES | control.RULES
+"""Rules by the names of the primitives that do not work element by element."""
+LARGE = 256
+"""Number of cells from which on an array is written to memory separately."""
 
 
-class Place(enum.Enum):
-    """Where an array stands in a result."""
+class _Placeholder(enum.Enum):
+    """Stands for an array in the structure of a result; an enum survives pickling."""
 
     ARRAY = "array"
 
 
-PLACE = Place.ARRAY
-
-
-class Image:
-    """Memory of a program, in cells of 8 bytes that are seen as floats and as integers."""
+class Memory:
+    """Memory of a program in cells of 8 bytes, seen as floats and as integers."""
 
     def __init__(self, cells: int):
         content = np.zeros(cells + 8)
@@ -48,34 +50,31 @@ class Image:
         self.address = self.floats.ctypes.data
 
     def write(self, region: Region, array: np.ndarray) -> None:
-        """Write an array into its region."""
+        """Write an array to its region."""
         target = self.floats if array.dtype.kind == "f" else self.whole
         target[region.start : region.end] = array.ravel()
 
     def read(self, region: Region) -> np.ndarray:
-        """The array in a region: in this memory, or a copy where it has another type of number."""
+        """Return the array in a region: a view of this memory, or a copy for 32-bit types."""
         source = self.floats if region.dtype.kind == "f" else self.whole
-        part = source[region.start : region.start + region.size].reshape(region.shape)
+        part = source[region.start : region.end].reshape(region.shape)
         return part if region.dtype == source.dtype else part.astype(region.dtype)
 
-    def write_all(self, leaves: Sequence[ArrayLike], cells: "_Cells") -> None:
-        """Write arrays into their regions: small ones together, which takes a tenth of the time."""
-        for target, (numbers, where) in zip((self.floats, self.whole), cells.small, strict=True):
-            if numbers:
-                target[where] = np.concatenate([leaves[k] for k in numbers], axis=None)
-        for k, region in cells.large:
+    def write_all(self, leaves: Sequence[ArrayLike], inputs: "_Inputs") -> None:
+        """Write arrays to their regions; small ones at once, which takes a tenth of the time."""
+        for target, (indices, cells) in zip((self.floats, self.whole), inputs.small, strict=True):
+            if indices:
+                target[cells] = np.concatenate([leaves[k] for k in indices], axis=None)
+        for k, region in inputs.large:
             self.write(region, np.asarray(leaves[k]))
 
 
-LARGE = 256
-"""Cells of an array from which on it is written alone."""
+class _Inputs:
+    """Regions of a list of arrays.
 
-
-class _Cells:
-    """Where the arrays of a list go.
-
-    - `small`: of floats, and of integers, the numbers of the arrays in the list, and their cells;
-      `large`: the numbers of others, and their regions.
+    - `small`: for floats and for integers, the indices of small arrays in the list, and their
+      cells.
+    - `large`: the indices of large arrays, and their regions.
     """
 
     def __init__(self, regions: Sequence[Region | None]):
@@ -83,133 +82,140 @@ class _Cells:
         self.large = [(k, region) for k, region in used if region.size >= LARGE]
         few = [(k, region) for k, region in used if region.size < LARGE]
         parts = ([r for r in few if (r[1].dtype.kind == "f") is kind] for kind in (True, False))
-        self.small = [
-            ([k for k, _ in part], _joined([np.arange(r.start, r.end) for _, r in part]))
-            for part in parts
-        ]
+        self.small = [([k for k, _ in part], _cells([r for _, r in part])) for part in parts]
+
+
+def _cells(regions: Sequence[Region]) -> np.ndarray:
+    """Return the cells of regions, one region after the other."""
+    parts = [np.arange(region.start, region.end) for region in regions]
+    return np.concatenate(parts) if parts else np.zeros(0, int)
 
 
 class NativeProgram:
     """A closed jaxpr as machine code.
 
-    - `inputs`: regions of its arguments, in order, and ``None`` for those that it does not use.
+    - `inputs`: regions of its arguments, or ``None`` for arguments that it does not use.
     - `outputs`: regions of its results.
     - `seconds`: processor time of tracing, lowering, writing and compiling.
     - `text`: the program in LLVM's language.
+
+    **Arguments:** `tangents`: length of the arrays that are kept as vectors; derived from the jaxpr
+    unless given.
     """
 
     def __init__(self, closed: core.ClosedJaxpr, tangents: int | None = None):
-        """`tangents`: of the arrays that are kept as vectors; found in the jaxpr unless given."""
         began = time.thread_time()
         outs = closed.jaxpr.outvars
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
-        do = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
-        lowering = Lowering(do, RULES)
-        avals = iter(jaxpr.invars)
-        self.inputs = [_region(do, aval_of(next(avals))) if is_used else None for is_used in used]
-        given = [
-            lowering.given(aval_of(v), region.start)
+        ops = Operations(tangents=tangents_of(jaxpr) if tangents is None else tangents)
+        lowering = Lowering(ops, RULES)
+        avals = iter(map(aval_of, jaxpr.invars))
+        self.inputs = [_new_region(ops, next(avals)) if is_used else None for is_used in used]
+        arguments = [
+            lowering.argument(aval_of(v), region.start)
             for v, region in zip(jaxpr.invars, filter(None, self.inputs), strict=True)
         ]
-        consts = [lowering.constant(const) for const in closed.consts]
-        found = lowering.run(jaxpr, consts, given)
+        results = lowering.inline_with(jaxpr, closed.consts, arguments)
         self.outputs = [
-            lowering.stored(array, aval_of(out)) for array, out in zip(found, outs, strict=True)
+            lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
-        straightened = time.thread_time()
-        self.text = llvm_text(do, "program")
+        lowered = time.thread_time()
+        self.text = llvm_text(ops, "program")
         written = time.thread_time()
         self._code = compiled(self.text, "program")
-        self._constants, self._cells = lowering.constants, do.cells
+        self._constants, self._size = lowering.constants, ops.cells
         self.seconds = {
-            "lowering": straightened - began,
-            "writing": written - straightened,
+            "lowering": lowered - began,
+            "writing": written - lowered,
             "compiling": time.thread_time() - written,
         }
 
     def __getstate__(self) -> dict[str, object]:
         return {**vars(self), "text": ""}
 
-    def image(self) -> Image:
-        """Memory for the program, with its constants."""
-        image = Image(self._cells)
+    def memory(self) -> Memory:
+        """Return new memory for the program, with its constants."""
+        memory = Memory(self._size)
         for start, array in self._constants.items():
-            image.write(Region(start, array.shape, array.dtype, array.size), array)
-        return image
+            memory.write(Region(start, array.shape, array.dtype, array.size), array)
+        return memory
 
-    def run(self, image: Image) -> None:
-        """Carry the program out on memory."""
-        self._code(image.address)
+    def run(self, memory: Memory) -> None:
+        """Execute the program on memory."""
+        self._code(memory.address)
 
     @cached_property
-    def _input_cells(self) -> _Cells:
-        return _Cells(self.inputs)
+    def _input_cells(self) -> _Inputs:
+        return _Inputs(self.inputs)
 
     def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
-        """The results for arguments of the jaxpr."""
-        image = self.image()
-        image.write_all(leaves, self._input_cells)
-        self.run(image)
-        return [image.read(region) for region in self.outputs]
+        """Return the results for arguments of the jaxpr."""
+        # Results are views of the memory, so that each call needs its own.
+        memory = self.memory()
+        memory.write_all(leaves, self._input_cells)
+        self.run(memory)
+        return [memory.read(region) for region in self.outputs]
 
     def rows(
         self, leaves: Sequence[ArrayLike], columns: Mapping[int, np.ndarray]
     ) -> list[np.ndarray]:
-        """The results, n in front, for arguments of the jaxpr of which those with the numbers of
-        `columns` have n values, (n, ...) each."""
-        image, count = self.image(), len(next(iter(columns.values())))
-        image.write_all(leaves, self._input_cells)
+        """Return the results of n calls, with a leading axis of n.
+
+        `leaves`: arguments of the jaxpr; `columns`: for those that vary, by their index, the n
+        values (n, ...).
+        """
+        memory, count = self.memory(), len(next(iter(columns.values())))
+        memory.write_all(leaves, self._input_cells)
         regions = ((self.inputs[k], column) for k, column in columns.items())
         used = [(region, column) for region, column in regions if region is not None]
-        found = [np.empty((count, *region.shape), region.dtype) for region in self.outputs]
+        results = [np.empty((count, *region.shape), region.dtype) for region in self.outputs]
         for row in range(count):
             for region, column in used:
-                image.write(region, column[row])
-            self.run(image)
-            for region, results in zip(self.outputs, found, strict=True):
-                results[row] = image.read(region)
-        return found
+                memory.write(region, column[row])
+            self.run(memory)
+            for region, result in zip(self.outputs, results, strict=True):
+                result[row] = memory.read(region)
+        return results
 
 
 class BoundFunction:
-    """A function of PyTrees in native code whose first arguments stay the same.
+    """A function of PyTrees in native code whose first argument is fixed, for one thread.
 
-    It has memory of its own: for one thread. `results`: the cells of a result.
+    `results`: conversion between a result and its cells.
+
+    **Arguments:** `shared`: the first argument; `examples`: the others are like these.
     """
 
     def __init__(self, function: "NativeFunction", shared: PyTree, *examples: PyTree):
-        """`shared`: the first argument; `examples`: the others are like these."""
         self._program, result = function.program((shared, *examples))
         arrays = [np.zeros(region.shape, region.dtype) for region in self._program.outputs]
         self.results = Cells(result(arrays))
-        self._image = self._program.image()
+        self._memory = self._program.memory()
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
         for leaf, region in zip(leaves, self._program.inputs, strict=False):
             if region is not None:
-                self._image.write(region, np.asarray(leaf))
+                self._memory.write(region, np.asarray(leaf))
+        # Cells of the other arguments, if the program uses them: in a row of a call, and in memory.
         sizes = [np.size(leaf) for leaf in jax.tree.leaves(eqx.filter(examples, eqx.is_array))]
         starts = np.cumsum([0, *sizes])
         others = list(zip(starts, self._program.inputs[len(leaves) :], strict=False))
-        self._from = _joined([np.arange(a, a + r.size) for a, r in others if r is not None])
-        self._to = _joined([np.arange(r.start, r.end) for _, r in others if r is not None])
-        self._out = _joined([np.arange(r.start, r.end) for r in self._program.outputs])
+        in_row = [np.arange(start, start + r.size) for start, r in others if r is not None]
+        self._source = np.concatenate(in_row) if in_row else np.zeros(0, int)
+        self._target = _cells([r for _, r in others if r is not None])
+        self._out = _cells(self._program.outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """The cells of results (n, results.size), for those of the arguments, (n, cells)."""
-        found = np.empty((len(rows), self.results.size))
-        for row, result in zip(rows[:, self._from], found, strict=True):
-            self._image.floats[self._to] = row
-            self._program.run(self._image)
-            result[:] = self._image.floats[self._out]
-        return found
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.zeros(0, int)
+        """Return the cells of n results (n, results.size), for those of n arguments (n, cells)."""
+        results = np.empty((len(rows), self.results.size))
+        for row, result in zip(rows[:, self._source], results, strict=True):
+            self._memory.floats[self._target] = row
+            self._program.run(self._memory)
+            result[:] = self._memory.floats[self._out]
+        return results
 
 
 def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Arrays in cells, one behind the other."""
+    """Return the cells of arrays, one array after the other."""
     parts = [
         np.ravel(array).astype(np.float64)
         if np.asarray(array).dtype.kind == "f"
@@ -219,35 +225,34 @@ def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _region(do: Operations, aval: ShapedArray) -> Region:
-    return Region.of(aval, do.allocate(int(np.prod(aval.shape, dtype=int))))
+def _new_region(ops: Operations, aval: ShapedArray) -> Region:
+    return Region.of(aval, ops.allocate(aval.size))
 
 
 def evaluated(
     function: Callable[..., ArrayLike], calls: Sequence[tuple[ArrayLike, ...]]
 ) -> list[Number] | None:
-    """The scalars that a function of small arrays gives for the arguments of several calls;
-    ``None`` if it has a loop, say, or a primitive without a rule.
+    """Evaluate a scalar function of small arrays in Python, for the arguments of several calls.
 
-    Each operation is rounded by itself, in Python: JAX would compile a program for each kind of
-    operation first, which takes 20 ms.
+    Operations on known numbers are computed while lowering, so nothing is compiled; JAX would
+    compile a program for each kind of operation, which takes 20 ms. Returns ``None`` if this is not
+    possible, because of a loop or of a primitive without a rule.
     """
     closed = jax.make_jaxpr(function)(*calls[0])
-    lowering, found = Lowering(Operations(), RULES), []
+    lowering, results = Lowering(Operations(), RULES), []
     for arguments in calls:
         try:
-            consts = [lowering.constant(const) for const in closed.consts]
-            [out] = lowering.run(closed.jaxpr, consts, [*map(lowering.constant, arguments)])
+            [out] = lowering.inline(closed, [*map(lowering.constant, arguments)])
         except UnsupportedPrimitiveError:
             return None
-        number = lowering.do.number(out) if isinstance(out, int) else None
+        number = lowering.ops.number(out) if isinstance(out, int) else None
         if number is None:
             return None
-        found.append(number)
-    return found
+        results.append(number)
+    return results
 
 
-class Given(NamedTuple):
+class FlatArguments(NamedTuple):
     """Arguments of a function, their leaves and structure, the arrays among the leaves, and the key
     of the program for them."""
 
@@ -258,24 +263,24 @@ class Given(NamedTuple):
     key: Hashable
 
     @staticmethod
-    def of(arguments: tuple[PyTree, ...]) -> "Given":
-        """The arguments, flattened once for all that asks for their leaves."""
+    def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
+        """Flatten arguments."""
         leaves, structure = jax.tree.flatten(arguments)
-        arrays, described = [], []
+        arrays, key = [], []
         for leaf in leaves:
             if type(leaf) is np.ndarray or eqx.is_array(leaf):
                 arrays.append(leaf)
-                described.append((leaf.shape, leaf.dtype))
+                key.append((leaf.shape, leaf.dtype))
             else:
-                described.append((type(leaf), leaf))
-        return Given(arguments, leaves, structure, arrays, (structure, tuple(described)))
+                key.append((type(leaf), leaf))
+        return FlatArguments(arguments, leaves, structure, arrays, (structure, tuple(key)))
 
 
 class NativeFunction:
     """A function of PyTrees, compiled to machine code at its first call for each structure.
 
-    Arrays may change from call to call; whatever else changes compiles anew, as with
-    `equinox.filter_jit`. Results have NumPy's arrays in the place of JAX's.
+    As with `equinox.filter_jit`, only changes of arrays' values do not compile again. Arrays in
+    results are NumPy's.
     """
 
     def __init__(self, function: Callable[..., PyTree]):
@@ -283,73 +288,69 @@ class NativeFunction:
         self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
 
     def count(self) -> int:
-        """How many programs have been compiled."""
+        """Return the number of compiled programs."""
         return len(self._programs)
 
     def __call__(self, *arguments: PyTree) -> PyTree:
-        """The function's result."""
-        return self.run(Given.of(arguments))
+        """Return the function's result."""
+        return self.run(FlatArguments.of(arguments))
 
-    def run(self, given: Given) -> PyTree:
-        """The function's result."""
-        program, result = self._program(given)
-        return result(program(given.arrays))
+    def run(self, flat: FlatArguments) -> PyTree:
+        """Return the function's result for flattened arguments."""
+        program, result = self._program(flat)
+        return result(program(flat.arrays))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
-        """The results, with n in front of each array, for arguments of which some vary.
+        """Return the results of n calls, with a leading axis of n in each array.
 
-        `columns`: for each leaf of the arguments its n values, (n, ...), or ``None``.
+        `columns`: for each leaf of the arguments its n values (n, ...), or ``None`` if it is the
+        same in all calls.
         """
-        given = Given.of(arguments)
-        program, result = self._program(given)
-        pairs = [pair for pair in zip(given.leaves, columns, strict=True) if eqx.is_array(pair[0])]
+        flat = FlatArguments.of(arguments)
+        program, result = self._program(flat)
+        pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]
         varied = {k: column for k, (_, column) in enumerate(pairs) if column is not None}
-        return result(program.rows(given.arrays, varied))
+        return result(program.rows(flat.arrays, varied))
 
     def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
-        """The program for such arguments, compiled if it isn't yet, and how its results are put
-        together."""
-        return self._program(Given.of(arguments))
+        """Return the program for such arguments, and the structure of its results."""
+        return self._program(FlatArguments.of(arguments))
 
-    def _program(self, given: Given) -> tuple[NativeProgram, "Result"]:
-        found = self._programs.get(given.key)
-        if found is None:
-            # JAX may trace in threads, but each program is made once.
-            with collector_at_rest(), program_is_made_inside(), _compiles:
-                found = self._programs.get(given.key) or kept(
-                    self._function,
-                    given.arguments,
-                    lambda: self._compiled(given.leaves, given.structure),
+    def _program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
+        program = self._programs.get(flat.key)
+        if program is None:
+            # Calls may come from several threads, but each program is compiled once.
+            with collector_at_rest(), program_is_made_inside(), _COMPILES:
+                program = self._programs.get(flat.key) or load_or_make(
+                    self._function, flat.arguments, lambda: self._compiled(flat)
                 )
-                self._programs[given.key] = found
-        return found
+                self._programs[flat.key] = program
+        return program
 
-    def _compiled(self, leaves: list[PyTree], structure: PyTree) -> tuple[NativeProgram, "Result"]:
-        is_array = [eqx.is_array(leaf) for leaf in leaves]
+    def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         result: list[PyTree] = []
 
-        def flat(arrays: list[PyTree]) -> list[PyTree]:
-            rest = iter(arrays)
-            mixed = [
-                next(rest) if dynamic else leaf
-                for leaf, dynamic in zip(leaves, is_array, strict=True)
-            ]
-            outs, outer = jax.tree.flatten(self._traced(*jax.tree.unflatten(structure, mixed)))
-            result[:] = [PLACE if eqx.is_array(leaf) else leaf for leaf in outs], outer
-            return [leaf for leaf in outs if eqx.is_array(leaf)]
+        def of_arrays(arrays: list[PyTree]) -> list[PyTree]:
+            """The function of arrays alone, with arrays alone as results, for JAX to trace."""
+            remaining = iter(arrays)
+            leaves = [next(remaining) if eqx.is_array(leaf) else leaf for leaf in flat.leaves]
+            outs = self._traced(*jax.tree.unflatten(flat.structure, leaves))
+            outs, structure = jax.tree.flatten(outs)
+            marked = [_Placeholder.ARRAY if eqx.is_array(out) else out for out in outs]
+            result[:] = [jax.tree.unflatten(structure, marked)]
+            return [out for out in outs if eqx.is_array(out)]
 
-        arrays = [leaf for leaf, dynamic in zip(leaves, is_array, strict=True) if dynamic]
         began = time.thread_time()
-        closed, _ = program_of(flat, arrays)
+        closed, _ = program_of(of_arrays, flat.arrays)
         traced = time.thread_time() - began
         program = NativeProgram(closed)
         program.seconds["tracing"] = traced
-        return program, Result(jax.tree.unflatten(result[1], result[0]))
+        return program, Result(result[0])
 
 
 @dataclass(frozen=True)
 class Result:
-    """A function's result with `PLACE` where an array stands."""
+    """The structure of a function's result, with placeholders for arrays."""
 
     tree: PyTree
 
@@ -361,11 +362,12 @@ class Result:
         return {"tree": self.tree}
 
     def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
-        """The result with such arrays."""
-        numbers, (leaves, structure) = iter(arrays), self._flat
+        """Return the result with the given arrays."""
+        remaining, (leaves, structure) = iter(arrays), self._flat
         return jax.tree.unflatten(
-            structure, [next(numbers) if leaf is PLACE else leaf for leaf in leaves]
+            structure,
+            [next(remaining) if leaf is _Placeholder.ARRAY else leaf for leaf in leaves],
         )
 
 
-_compiles = threading.RLock()
+_COMPILES = threading.RLock()

@@ -1,8 +1,8 @@
-"""A loop over lanes that lie side by side in vectors.
+"""A loop that computes several lanes at once, each in one element of the processor's vectors.
 
-Each lane has a column of memory. The function returns when a lane in it needs its host: what that
-does with the columns concerns no other lane, and the arithmetic of a lane is the same beside any
-others.
+The memory of a group of lanes has a column for each of them. The loop returns when a lane needs its
+host, to report rows for instance, which does not affect the other lanes. The arithmetic of a lane
+is the same whatever the other columns contain.
 """
 
 import abc
@@ -18,36 +18,36 @@ from jaxtyping import PyTree
 
 from ..compilation.tracing import program_of
 from .control import borrowed, loop
-from .functions import Image, cells_of
+from .functions import RULES, Memory, cells_of
 from .llvm_text import llvm_text
 from .lowering import Array, InMemory, Lowering, Region, aval_of
 from .machine_code import compiled
 from .operations import Operations
-from .primitives import RULES
 
 WIDTH = 8
-"""Lanes side by side: as many as a vector of 512 bits holds, or two of 256."""
-TURNS = 4096
-"""Turns after which a loop returns at the latest."""
+"""Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
+LONGEST_RUN = 4096
+"""Number of iterations after which the loop returns at the latest."""
 
 
 class Columns:
-    """Memory of lanes side by side: (cells, lanes), as floats and as integers."""
+    """Memory of a group of lanes: (cells, lanes), as floats and as integers."""
 
     def __init__(self, cells: int, width: int):
-        image = Image(cells * width)
-        self.floats = image.floats.reshape(cells, width)
-        self.whole = image.whole.reshape(cells, width)
-        self.address = image.address
+        memory = Memory(cells * width)
+        self.floats = memory.floats.reshape(cells, width)
+        self.whole = memory.whole.reshape(cells, width)
+        self.address = memory.address
 
 
 class AbstractLaneLoop(abc.ABC):
-    """A loop that takes lanes side by side from one state to the next.
+    """A loop that advances the states of a group of lanes.
 
-    - `width`: lanes side by side.
-    - `own_cells`, `state_cells`: cells of what a lane has for itself, and of its state, in each of
-      which the arrays lie one behind the other; `occupied`: the cell that says whether a column has
-      a lane; `status`: the arrays that tell how a lane is, by name.
+    - `width`: number of lanes.
+    - `own_cells`, `state_cells`: cells of the data of each lane and of its state, in both one array
+      after the other.
+    - `occupied`: the cell that says whether a column has a lane.
+    - `status`: the regions of the status of a lane, by name.
     """
 
     width: int
@@ -58,24 +58,25 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def columns(self, shared: PyTree) -> Columns:
-        """Memory of a group of lanes, none of which is occupied."""
+        """Return memory for a group of lanes, with no column occupied."""
 
     @abc.abstractmethod
     def run(self, columns: Columns) -> int:
-        """Take turns until lanes need their host, or for some time; the number of turns."""
+        """Advance lanes until some need their host, or for a while; return the number of
+        iterations."""
 
-    def put(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Occupy a column with the cells of what its lane has for itself, and of its state."""
+    def write_lane(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+        """Occupy a column by a lane, given the cells of its data and of its state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.whole[self.occupied, lane] = 1
 
     def leave(self, columns: Columns, lane: int) -> None:
-        """Say that a column has no lane any more."""
+        """Mark a column as not occupied."""
         columns.whole[self.occupied, lane] = 0
 
     def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
-        """The status of all lanes, by name."""
+        """Return the status of all lanes, by name."""
         return {
             name: (columns.floats if region.dtype.kind == "f" else columns.whole)[region.start]
             for name, region in self.status.items()
@@ -83,84 +84,88 @@ class AbstractLaneLoop(abc.ABC):
 
 
 class LaneLoop(AbstractLaneLoop):
-    """A loop in native code that applies `turn` to lanes side by side.
+    """A loop over the steps of lanes, in native code.
 
-    **Arguments:** `turn(shared, own, state)` gives the state after a step; `status(shared, own,
-    state)` a dictionary of scalars, of which `goes` says whether the lane can go on without its
-    host. All are PyTrees of arrays; of a lane, and for `shared` of all lanes.
+    **Arguments:** `step(shared, own, state)` returns the state after a step; `status(shared, own,
+    state)` a dictionary of scalars, in which `goes` says whether the lane can take a step without
+    its host. `shared` is the same for all lanes; `own` and `state` belong to one lane. All are
+    PyTrees of arrays.
     """
 
     width = WIDTH
 
     def __init__(
         self,
-        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
+        step: Callable[[PyTree, PyTree, PyTree], PyTree],
         status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
         shared: PyTree,
         own: PyTree,
         state: PyTree,
     ):
         began = time.thread_time()
-        trees = shared, own, state
-        arrays, static = eqx.partition(trees, eqx.is_array)
+        arrays, static = eqx.partition((shared, own, state), eqx.is_array)
         leaves, structure = jax.tree.flatten(arrays)
         names: list[str] = []
 
-        def turned(*leaves: PyTree) -> list[PyTree]:
-            given = eqx.combine(jax.tree.unflatten(structure, leaves), static)
-            return jax.tree.leaves(eqx.filter(turn(*given), eqx.is_array))
+        def step_of_arrays(*leaves: PyTree) -> list[PyTree]:
+            trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
+            return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
 
-        def looked_at(*leaves: PyTree) -> list[PyTree]:
-            found = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
-            names[:] = found
-            return [jax.numpy.asarray(value) for value in found.values()]
+        def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
+            values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
+            names[:] = values
+            return [jax.numpy.asarray(value) for value in values.values()]
 
-        steps, looks = (program_of(f, *leaves)[0] for f in (turned, looked_at))
+        steps, checks = (program_of(f, *leaves)[0] for f in (step_of_arrays, status_of_arrays))
         traced = time.thread_time()
-        do = Operations(width=WIDTH)
-        lowering = Lowering(do, RULES)
-        regions = [Region.of(aval_of(v), do.allocate(aval_of(v).size)) for v in steps.jaxpr.invars]
-        given = [
-            lowering.given(aval_of(v), region.start)
-            for v, region in zip(steps.jaxpr.invars, regions, strict=True)
+        ops = Operations(width=WIDTH)
+        lowering = Lowering(ops, RULES)
+        avals = [aval_of(v) for v in steps.jaxpr.invars]
+        regions = [Region.of(aval, ops.allocate(aval.size)) for aval in avals]
+        arguments = [
+            lowering.argument(aval, region.start)
+            for aval, region in zip(avals, regions, strict=True)
         ]
         counts = [len(jax.tree.leaves(tree)) for tree in arrays]
-        fixed = [borrowed(array) for array in given[: counts[0] + counts[1]]]
+        fixed = [borrowed(array) for array in arguments[: counts[0] + counts[1]]]
         state_regions = regions[len(fixed) :]
-        self.occupied, self._limit = do.allocate(1), do.allocate(1)
-        occupied, limit = do.load("b", self.occupied), do.load("i", self._limit)
-        do.mark_uniform(limit)
+        self.occupied, self._limit = ops.allocate(1), ops.allocate(1)
+        occupied, limit = ops.load("b", self.occupied), ops.load("i", self._limit)
+        ops.mark_uniform(limit)
 
-        def looked(state: list[Array]) -> list[Array]:
-            return _results(lowering, looks, [*fixed, *map(borrowed, state)])
+        def status_values(state: list[Array]) -> list[Array]:
+            return _inlined(lowering, checks, [*fixed, *map(borrowed, state)])
 
         def holds(carries: list[Array]) -> int:
-            count, goes = carries[0], looked(carries[1:])[names.index("goes")]
+            count, goes = carries[0], status_values(carries[1:])[names.index("goes")]
             assert isinstance(goes, int) and isinstance(count, int)
-            do.mark_uniform(count)
-            # All lanes stop together, as soon as one of them waits for its host.
-            waits = do.do("and", "b", occupied, do.do("not", "b", goes))
-            calm = do.do("not", "b", do.do("any", "b", waits))
-            return do.do("and", "b", calm, do.do("ilt", "b", count, limit))
+            ops.mark_uniform(count)
+            # All lanes stop together as soon as one of them needs its host, so that the condition
+            # is uniform and no lane's state has to be kept from changing.
+            waits = ops.emit("and", "b", occupied, ops.emit("not", "b", goes))
+            none_waits = ops.emit("not", "b", ops.emit("any", "b", waits))
+            return ops.emit("and", "b", none_waits, ops.emit("ilt", "b", count, limit))
 
-        def go(carries: list[Array]) -> list[Array]:
+        def iterate(carries: list[Array]) -> list[Array]:
             count = carries[0]
             assert isinstance(count, int)
-            following = do.do("add", "i", count, do.constant("i", 1))
-            return [following, *_results(lowering, steps, [*fixed, *carries[1:]])]
+            following = ops.emit("add", "i", count, ops.constant("i", 1))
+            return [following, *_inlined(lowering, steps, [*fixed, *carries[1:]])]
 
-        first: list[Array] = [do.constant("i", 0), *given[len(fixed) :]]
-        count, *after = loop(lowering, first, holds, go, uniform=True)
-        for array, region in zip(after, state_regions, strict=True):
-            _store(lowering, array, region)
-        shown = zip(names, looked(after), looks.jaxpr.outvars, strict=True)
-        self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in shown}
+        first: list[Array] = [ops.constant("i", 0), *arguments[len(fixed) :]]
+        count, *after = loop(lowering, first, holds, iterate, uniform=True)
         assert isinstance(count, int)
+        # The next call goes on with these states.
+        for array, region in zip(after, state_regions, strict=True):
+            if not (isinstance(array, InMemory) and array.start == region.start):
+                lowering.write(array, region.start)
+        outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
+        self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
         lowered = time.thread_time()
-        self.text = llvm_text(do, "lanes", count)
+        self.text = llvm_text(ops, "lanes", count)
         written = time.thread_time()
         self._code = compiled(self.text, "lanes")
-        self._cells, self._constants = do.cells, lowering.constants
+        self._cells, self._constants = ops.cells, lowering.constants
         self.seconds = {
             "tracing": traced - began,
             "lowering": lowered - traced,
@@ -169,13 +174,15 @@ class LaneLoop(AbstractLaneLoop):
         }
         ends = np.cumsum([0, *counts])
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
-        self._shared, self.own_cells, self.state_cells = map(_cells, parts)
+        self._shared, self.own_cells, self.state_cells = (
+            slice(part[0].start, part[-1].end) if part else slice(0, 0) for part in parts
+        )
 
     def __getstate__(self) -> dict[str, object]:
         return {**vars(self), "text": ""}
 
     def columns(self, shared: PyTree) -> Columns:
-        """Memory of a group of lanes, none of which is occupied."""
+        """Return memory for a group of lanes, with no column occupied."""
         columns = Columns(self._cells, WIDTH)
         for start, array in self._constants.items():
             columns.floats[start : start + array.size] = cells_of([array])[:, None]
@@ -184,27 +191,13 @@ class LaneLoop(AbstractLaneLoop):
         return columns
 
     def run(self, columns: Columns) -> int:
-        """Turns until an occupied lane needs its host, at most `TURNS`; their number."""
-        columns.whole[self._limit] = TURNS
+        """Advance lanes until an occupied one needs its host, by `LONGEST_RUN` steps at most;
+        return the number of steps."""
+        columns.whole[self._limit] = LONGEST_RUN
         return self._code(columns.address)
 
 
-def _cells(regions: list[Region]) -> slice:
-    """The cells of regions that lie one behind the other."""
-    return slice(regions[0].start, regions[-1].end) if regions else slice(0, 0)
-
-
-def _results(lowering: Lowering, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+def _inlined(lowering: Lowering, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
     outs = [True] * len(closed.jaxpr.outvars)
     jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
-    consts = [lowering.constant(const) for const in closed.consts]
-    return lowering.run(jaxpr, consts, arguments)
-
-
-def _store(lowering: Lowering, array: Array, region: Region) -> None:
-    """Write an array into its region, unless it is there."""
-    if not isinstance(array, InMemory):
-        for k, value in enumerate(lowering.values(array)):
-            lowering.do.store(value, region.start + k)
-    elif array.start != region.start:
-        lowering.copied(array, region.start)
+    return lowering.inline_with(jaxpr, closed.consts, arguments)

@@ -1,7 +1,7 @@
-"""Operations in LLVM's language.
+"""Text of a program in LLVM's language.
 
-A product that is used once, by a sum, becomes one fused multiply-add. This is decided here and not
-by LLVM, whose decisions depend on the number of lanes: so a lane's bits are the same at any width.
+A product whose only use is a sum becomes a fused multiply-add with it. This is decided here and not
+by LLVM, whose decisions depend on the number of lanes: a lane then has the same bits at any width.
 """
 
 import struct
@@ -15,7 +15,6 @@ from .operations import (
     Entry,
     LoadCell,
     Loop,
-    Number,
     Operation,
     Operations,
     StoreCell,
@@ -24,23 +23,14 @@ from .operations import (
 
 _BASE = {"f": "double", "i": "i64", "w": "i32", "b": "i1"}
 _PLAIN = {
-    "fadd": "fadd",
-    "fsub": "fsub",
-    "fmul": "fmul",
-    "fdiv": "fdiv",
-    "add": "add",
-    "sub": "sub",
-    "mul": "mul",
+    **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "add", "sub", "mul")},
+    **{name: name for name in ("and", "or", "xor")},
     "divide_whole": "sdiv",
     "remainder_whole": "srem",
-    "and": "and",
-    "or": "or",
-    "xor": "xor",
     "shift_left": "shl",
     "shift_right": "ashr",
-    "shift_right_logical": "lshr",
 }
-"""Operations of two arguments that are instructions of LLVM."""
+"""Operations on two arguments that are instructions of LLVM."""
 _COMPARISONS = {
     **{f"f{name}": f"fcmp o{name}" for name in ("lt", "le", "gt", "ge", "eq")},
     "fne": "fcmp une",
@@ -68,47 +58,26 @@ _INTRINSICS = {
     "fma": "fma",
     "copysign": "copysign",
 }
-"""Functions of floats that are instructions of processors, or nearly so."""
-LIBRARY = {
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asinh",
-    "acosh",
-    "atanh",
-    "exp",
-    "exp2",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "cbrt",
-    "fmod",
-    "nextafter",
-    "erf",
-    "erfc",
-    "tgamma",
-    "lgamma",
-}
-"""Functions of the C library, called for each lane and tangent."""
-
-
+"""Functions of floats for which processors have instructions, or short sequences of them."""
+LIBRARY = frozenset(
+    "sin cos tan asin acos atan atan2 sinh cosh tanh "  # noqa: SIM905
+    "asinh acosh atanh exp exp2 expm1 log log1p pow cbrt "
+    "fmod nextafter erf erfc tgamma lgamma".split()
+)
+"""Functions of the C library, which are called for each lane and tangent."""
 _Straight = Operation | LoadCell | StoreCell
-"""Entries without blocks of their own."""
+"""Entries that contain no blocks."""
 
 
 def llvm_text(program: Operations, name: str, result: Value | None = None) -> str:
-    """A module with one function, `i64 name(double* memory)`.
+    """Return a program as the text of an LLVM module with one public function.
 
-    It carries out the program's block on memory whose cells have 8 bytes for each lane: floats, or
-    integers of 64 bits. It returns the `result`, or 0.
+    In C, the function would be declared as ``int64_t name(double *memory)``. It executes the
+    program, whose cells it reads and writes in `memory`, at an address that is a multiple of 64. A
+    cell has 8 bytes for each lane, which hold a float or a 64-bit integer.
+
+    **Arguments:** `name`: name of the function; `result`: a 64-bit integer of the program, whose
+    number in the first lane the function returns. By default the function returns 0.
     """
     return _Writer(program).module(name, result)
 
@@ -123,25 +92,28 @@ class _Writer:
         self._labels = 0
         self._temporaries = 0
         self._uses: Counter[Value] = Counter()
+        # Ids of the entries that are needed.
         self._live: set[int] = set()
+        # Sums that absorb a product, and the factors of these products.
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, Value]] = {}
 
     def module(self, name: str, result: Value | None) -> str:
+        """Return the text of the module; arguments as for `llvm_text`."""
         block = self._program.block
         if result is not None:
             self._uses[result] += 1
         blocks = [*self._program.functions, block]
-        for each in reversed(blocks):  # Functions call those before them.
+        for each in reversed(blocks):  # A function is called by later ones only.
             self._mark(each)
         memory = "ptr noalias nocapture align 64 %memory"
         for number, each in enumerate(blocks):
             self._fuse(each)
             last = each is block
             head = f"i64 @{name}({memory})" if last else f"internal void @f{number}({memory})"
-            # Without alignment of the stack, vectors that are put there lie across two cache lines.
-            kind = "alignstack(64)" if last else "noinline alignstack(64)"
-            self._lines.append(f"define {head} {kind} {{")
+            # On an unaligned stack, vectors would extend across two cache lines.
+            attributes = "alignstack(64)" if last else "noinline alignstack(64)"
+            self._lines.append(f"define {head} {attributes} {{")
             self._begin("entry")
             self._write(each)
             if not last:
@@ -151,6 +123,7 @@ class _Writer:
         return "\n".join([*self._declared.values(), *self._lines])
 
     def _first_lane(self, value: Value) -> str:
+        """Return LLVM's name of a value's number in the first lane."""
         word = self._word(value)
         if self._width == 1:
             return word
@@ -161,8 +134,10 @@ class _Writer:
     # Which operations are needed, and which products are fused.
 
     def _mark(self, block: Block) -> bool:
-        """Count the uses of all values that are needed, from the end backwards; whether the block
-        has an effect."""
+        """Count the uses of values, from the end backwards, and mark the needed entries.
+
+        Returns whether the block has an effect other than the values that it computes.
+        """
         effect = False
         for entry in reversed(block.entries):
             needed = self._mark_entry(entry)
@@ -186,6 +161,7 @@ class _Writer:
             self._live.add(id(entry))
             return True
         if isinstance(entry, Branch):
+            # Outputs that nothing uses are removed, with all that is computed only for them.
             kept = [k for k, out in enumerate(entry.outs) if uses[out]]
             entry.outs = [entry.outs[k] for k in kept]
             entry.yes_values = [entry.yes_values[k] for k in kept]
@@ -196,6 +172,8 @@ class _Writer:
                 return False
             self._use((entry.condition,))
         else:
+            # Uses of carries are known only after the whole body, which computes their next values:
+            # all of these count as used.
             self._use((*entry.following, entry.condition))
             effects = [self._mark(entry.body), self._mark(entry.head)]
             self._use(entry.first)
@@ -210,8 +188,11 @@ class _Writer:
                 self._uses[value] += 1
 
     def _fuse(self, block: Block) -> None:
-        """Find the products that a sum in the same block takes in."""
-        here: dict[Value, tuple[Value, Value]] = {}
+        """Find products whose only use is a sum in the same block.
+
+        A sum absorbs one product at most, the first of its arguments.
+        """
+        candidates: dict[Value, tuple[Value, Value]] = {}
         for entry in block.entries:
             if id(entry) not in self._live:
                 continue
@@ -223,11 +204,11 @@ class _Writer:
                 self._fuse(entry.body)
             elif isinstance(entry, Operation):
                 if entry.name == "fmul" and self._uses[entry.out] == 1:
-                    here[entry.out] = entry.arguments[0], entry.arguments[1]
+                    candidates[entry.out] = entry.arguments[0], entry.arguments[1]
                 elif entry.name in ("fadd", "fsub"):
                     for value in entry.arguments:
-                        if value in here:
-                            self._products[value] = here.pop(value)
+                        if value in candidates:
+                            self._products[value] = candidates.pop(value)
                             self._fused.add(entry.out)
                             break
 
@@ -250,10 +231,8 @@ class _Writer:
         if number is None:
             return f"%v{value}"
         kind = self._program.kinds[value]
-        return self._literal(kind, number)
-
-    def _literal(self, kind: str, number: Number) -> str:
         if kind == "f":
+            # LLVM reads decimals only if they are exact, and the bits of a float always.
             word = "0x" + struct.pack(">d", number).hex().upper()
         elif kind == "b":
             word = "true" if number else "false"
@@ -292,39 +271,41 @@ class _Writer:
                 self._write_store(entry)
 
     def _by_need(self, entries: list[_Straight]) -> list[_Straight]:
-        """Loads, stores and results in their order, and other operations right before they are
-        needed, those behind the longest chain first.
+        """Order entries so that operations come right before their first use.
 
-        LLVM keeps to the order that it is given, more or less. In this one fewer values wait in
-        registers: a single run takes 0.93 of the time.
+        Loads, stores and results that other blocks use keep their order. Of the operations that an
+        entry needs, the one at the end of the longest chain comes first. LLVM roughly keeps the
+        order that it is given; in this one fewer values occupy registers, and a single run takes
+        0.93 of the time.
         """
-        makers: dict[Value, Operation] = {}
+        definitions: dict[Value, Operation] = {}
         depths: dict[Value, int] = {}
-        inner: set[Value] = set()
+        used_here: set[Value] = set()
         for entry in entries:
             needed = self._needed(entry)
-            inner.update(needed)
+            used_here.update(needed)
             if isinstance(entry, Operation):
-                makers[entry.out] = entry
+                definitions[entry.out] = entry
                 depths[entry.out] = 1 + max((depths.get(value, 0) for value in needed), default=0)
-        found: list[_Straight] = []
+        ordered: list[_Straight] = []
         for entry in entries:
-            if isinstance(entry, Operation) and entry.out in inner:
+            if isinstance(entry, Operation) and entry.out in used_here:
                 continue
-            waiting: list[_Straight] = [entry]
-            while waiting:
-                needed = [value for value in self._needed(waiting[-1]) if value in makers]
+            # Depth first, by a stack, since chains can be longer than Python's limit of recursion.
+            stack: list[_Straight] = [entry]
+            while stack:
+                needed = [value for value in self._needed(stack[-1]) if value in definitions]
                 if needed:
-                    waiting.append(makers[max(needed, key=depths.__getitem__)])
+                    stack.append(definitions[max(needed, key=depths.__getitem__)])
                     continue
-                last = waiting.pop()
-                found.append(last)
+                last = stack.pop()
+                ordered.append(last)
                 if isinstance(last, Operation):
-                    del makers[last.out]
-        return found
+                    del definitions[last.out]
+        return ordered
 
     def _needed(self, entry: _Straight) -> list[Value]:
-        """The values that an entry's text contains."""
+        """Return the values that occur in an entry's text."""
         if isinstance(entry, LoadCell | StoreCell):
             given = (entry.index,) if isinstance(entry, LoadCell) else (entry.value, entry.index)
             return [value for value in given if value is not None]
@@ -360,7 +341,7 @@ class _Writer:
             compare = "icmp ne" if name == "int_to_bool" else "fcmp une"
             lines.append(f"{out} = {compare} {first} {words[0]}, zeroinitializer")
         elif name == "float_to_int":
-            self._write_call(out, kind, "llvm.fptosi.sat", [first], words, also=True)
+            self._write_call(out, kind, "llvm.fptosi.sat", [first], words, by_argument=True)
         elif name in _INTRINSICS:
             types = [self._type(value) for value in arguments]
             self._write_call(out, kind, f"llvm.{_INTRINSICS[name]}", types, words)
@@ -395,6 +376,7 @@ class _Writer:
         product, other = (a, b) if a in self._products else (b, a)
         words = [self._word(value) for value in (*self._products[product], other)]
         if entry.name == "fsub":
+            # x y - z = fma(x, y, -z), and z - x y = fma(-x, y, z).
             k = 2 if product == a else 0
             negative = self._temporary()
             self._lines.append(f"{negative} = fneg {kind} {words[k]}")
@@ -408,15 +390,15 @@ class _Writer:
         function: str,
         types: list[str],
         words: list[str],
-        also: bool = False,
+        by_argument: bool = False,
     ) -> None:
-        full = f"{function}.{_mangled(kind)}" + (f".{_mangled(types[0])}" if also else "")
+        full = f"{function}.{_mangled(kind)}" + (f".{_mangled(types[0])}" if by_argument else "")
         self._declared[full] = f"declare {kind} @{full}({', '.join(types)})"
         given = ", ".join(f"{t} {word}" for t, word in zip(types, words, strict=True))
         self._lines.append(f"{out} = call {kind} @{full}({given})")
 
     def _write_library(self, entry: Operation, words: list[str]) -> None:
-        """A call of the C library's function for each lane or tangent."""
+        """Call a function of the C library for each lane or tangent."""
         function, arity = entry.name, len(words)
         declared = ", ".join(["double"] * arity)
         self._declared[function] = f"declare double @{function}({declared}) nounwind memory(none)"
@@ -432,11 +414,11 @@ class _Writer:
                 part = self._temporary()
                 self._lines.append(f"{part} = extractelement {kind} {word}, i32 {k}")
                 parts.append(f"double {part}")
-            made = self._temporary()
-            self._lines.append(f"{made} = call double @{function}({', '.join(parts)})")
+            result = self._temporary()
+            self._lines.append(f"{result} = call double @{function}({', '.join(parts)})")
             following = f"%v{entry.out}" if k == count - 1 else self._temporary()
             self._lines.append(
-                f"{following} = insertelement {kind} {vector}, double {made}, i32 {k}"
+                f"{following} = insertelement {kind} {vector}, double {result}, i32 {k}"
             )
             vector = following
 
@@ -465,14 +447,20 @@ class _Writer:
         )
 
     def _scalar_condition(self, word: str, kind: str) -> str:
-        """Whether a condition holds for any lane."""
+        """Return the LLVM name of an `i1` that is true if a condition holds in any lane.
+
+        For a vector of lanes, the instruction that computes it is appended to the program's lines.
+
+        **Arguments:** `word`: name of the condition; `kind`: its LLVM type, `i1` or a vector of
+        `i1`.
+        """
         if kind == "i1":
             return word
         reduce = f"llvm.vector.reduce.or.v{self._width}i1"
         self._declared[reduce] = f"declare i1 @{reduce}({kind})"
-        found = self._temporary()
-        self._lines.append(f"{found} = call i1 @{reduce}({kind} {word})")
-        return found
+        result = self._temporary()
+        self._lines.append(f"{result} = call i1 @{reduce}({kind} {word})")
+        return result
 
     def _address(self, start: int, index: Value | None) -> str:
         out = self._temporary()
@@ -487,12 +475,16 @@ class _Writer:
         return out
 
     def _lane_pointer(self, start: int, index: str, lane: int) -> str:
-        """The address of one lane's cell, at an index that differs from lane to lane."""
-        own, scaled, offset, out = (self._temporary() for _ in range(4))
+        """Append instructions for the address of one lane's number in memory; return its name.
+
+        **Arguments:** `start`: first cell of the array; `index`: name of the vector of indices into
+        the array, one for each lane; `lane`: number of the lane.
+        """
+        lane_index, scaled, offset, out = (self._temporary() for _ in range(4))
         width = self._width
         self._lines += [
-            f"{own} = extractelement <{width} x i64> {index}, i32 {lane}",
-            f"{scaled} = mul i64 {own}, {width}",
+            f"{lane_index} = extractelement <{width} x i64> {index}, i32 {lane}",
+            f"{scaled} = mul i64 {lane_index}, {width}",
             f"{offset} = add i64 {scaled}, {start * width + lane}",
             f"{out} = getelementptr inbounds double, ptr %memory, i64 {offset}",
         ]
@@ -520,7 +512,10 @@ class _Writer:
             self._lines.append(f"store {base} {part}, ptr {pointer}, align 8")
 
     def _cell_type(self, value: Value) -> tuple[str, str]:
-        """The type of a cell's content, and that of the value."""
+        """Return two LLVM types of a value: in memory and in operations.
+
+        In memory all numbers have 64 bits; a condition is an `i64` there and an `i1` elsewhere.
+        """
         kind = self._program.kinds[value]
         cell = kind if kind[0] == "f" else "i" + kind[1:]
         return self._type_of(cell), self._type_of(kind)
@@ -535,6 +530,7 @@ class _Writer:
         else:
             content = self._load_by_lane(cell, entry)
             if cell == kind:
+                # A copy: LLVM has no instruction that only names a value.
                 self._lines.append(f"{out} = freeze {cell} {content}")
         if cell == kind:
             return
@@ -587,6 +583,7 @@ class _Writer:
         before = self._label
         self._lines.append(f"br label %{head}")
         self._begin(head)
+        # The values that the body computes have no text yet: the phis are inserted afterwards.
         phis = len(self._lines)
         self._write(entry.head)
         condition = self._scalar_condition(self._word(entry.condition), self._type(entry.condition))
@@ -605,7 +602,7 @@ class _Writer:
 
 
 def _mangled(kind: str) -> str:
-    """A type as LLVM writes it in names of functions."""
+    """Return a type as LLVM writes it in names of functions."""
     names = {"double": "f64", "i64": "i64", "i32": "i32", "i1": "i1"}
     if not kind.startswith("<"):
         return names[kind]

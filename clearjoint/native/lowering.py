@@ -1,11 +1,17 @@
 """From a jaxpr to operations on scalars.
 
-Calls are inlined, and small arrays are taken apart: each element is a value of its own, so that
-slices and concatenations cost nothing. An array of as many elements as there are tangents is kept
-as one vector. Arrays of more than `LARGEST_TAKEN_APART` elements stay in memory and are worked on
-by loops; a slice of them is written in place where nothing reads the older content any more.
+Calls of inner jaxprs are inlined, except for large ones that are called repeatedly: these become
+functions of machine code. Arrays are kept in one of four forms (`Array`):
+
+- a scalar is one value;
+- a small array is a NumPy array of values, one for each element, so that slices and concatenations
+  need no operation;
+- an array with one element for each tangent is one vector (`Packed`);
+- an array of more than `LARGEST_UNROLLED` elements is in memory (`InMemory`) and is processed by
+  loops. It is updated in place where nothing reads its former content.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,13 +25,18 @@ from . import elementwise
 from .elementwise import RULES, Parameters, Rule
 from .operations import KINDS, Operations, Value
 
-LARGEST_TAKEN_APART = 48
-"""Elements of an array that are values of their own."""
+LARGEST_UNROLLED = 48
+"""Largest number of elements of an array whose elements are separate values."""
 LONGEST_PACKED = 16
+"""Largest number of tangents that are packed into a vector."""
 FEWEST_PACKED = 60
-"""Operations on arrays of one length from which on they are kept as vectors."""
+"""Number of operations on arrays of one length from which on these are packed."""
 LONGEST_CHOICE = 24
-"""Equations of a branch up to which both branches are carried out and one is chosen."""
+"""Number of equations up to which both branches of a condition are computed, to select from."""
+SMALLEST_FUNCTION = 1000
+"""Number of equations from which on a jaxpr that is called repeatedly becomes a function."""
+FEWEST_CALLS = 3
+"""Number of calls from which on a jaxpr becomes a function."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 _CALLS = {
@@ -40,29 +51,23 @@ _CALLS = {
     "custom_vjp_call": "call_jaxpr",
     "custom_vjp_call_jaxpr": "fun_jaxpr",
 }
-"""Primitives that call a jaxpr, and the parameter which holds it."""
+"""Primitives that call a jaxpr, and the parameter that holds it."""
+# Hashing a dtype takes a twentieth of the time of its name.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
-"""A dtype is looked up in a twentieth of the time that its name takes."""
 _UNSIGNED = np.dtype("uint32")
 
 
-SMALLEST_FUNCTION = 1000
-FEWEST_CALLS = 3
-"""Equations of a jaxpr, and calls of it in one place, from which on it becomes a function of
-machine code: LLVM takes more than proportionally long for long blocks."""
-
-
 class UnsupportedPrimitiveError(NotImplementedError):
-    """A primitive, or a use of one, that has no rule here, and the line of code it comes from."""
+    """A primitive, or a use of one, that has no rule here, and the source line that called it."""
 
-    def __init__(self, what: str, place: str = ""):
-        super().__init__(f"{what}, in {place}" if place else what)
-        self.place = place
+    def __init__(self, what: str, location: str = ""):
+        super().__init__(f"{what}, in {location}" if location else what)
+        self.location = location
 
 
 @dataclass(frozen=True)
 class Packed:
-    """An array with one element for each tangent, kept as one vector."""
+    """An array with one element for each tangent, as one vector."""
 
     value: Value
 
@@ -71,7 +76,7 @@ class Packed:
 class InMemory:
     """An array in memory, from the cell `start` on.
 
-    `owned`: whether its content may be overwritten, since nothing else reads it.
+    `owned`: whether it may be overwritten, because nothing else reads its content.
     """
 
     start: int
@@ -82,31 +87,45 @@ class InMemory:
     @property
     def size(self) -> int:
         """The number of elements."""
-        return int(np.prod(self.shape, dtype=int))
+        return math.prod(self.shape)
 
 
 Array = Value | Packed | np.ndarray | InMemory
-"""A scalar, a vector of tangents, an array of values, or an array in memory."""
+"""A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
+EquationRule = Callable[..., Sequence[Array]]
+"""Lowers an equation: takes the lowering, the equation and its arguments, returns the results."""
 
 
 def aval_of(atom: Atom) -> ShapedArray:
-    """The shape and dtype of a variable or a number in a jaxpr."""
+    """Return the shape and dtype of a variable or a number in a jaxpr."""
     if not isinstance(atom.aval, ShapedArray):
         raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
     return atom.aval
 
 
-def kind_of(aval: ShapedArray) -> str:
-    """The kind of the elements of an abstract array."""
-    kind = _KINDS.get(aval.dtype)
+def kind_of(array: ShapedArray | np.ndarray) -> str:
+    """Return the kind (see `.operations`) of the elements of an array."""
+    kind = _KINDS.get(array.dtype)
     if kind is None:
-        raise UnsupportedPrimitiveError(f"arrays of {aval.dtype}")
+        raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
     return kind
+
+
+def element_indices(aval: ShapedArray) -> np.ndarray:
+    """Return an array of the given shape that holds the flat index of each element."""
+    return np.arange(aval.size).reshape(aval.shape)
+
+
+def is_contiguous(indices: np.ndarray) -> bool:
+    """Return whether flat indices rise by one from each to the next."""
+    return indices.size > 0 and np.array_equal(
+        indices, np.arange(indices[0], indices[0] + indices.size)
+    )
 
 
 @dataclass(frozen=True)
 class Region:
-    """Where an array lies in memory: its first cell, and its shape, dtype and number of cells."""
+    """Cells of an array in memory: the first one, and shape, dtype and size of the array."""
 
     start: int
     shape: tuple[int, ...]
@@ -115,19 +134,18 @@ class Region:
 
     @staticmethod
     def of(aval: ShapedArray, start: int) -> "Region":
-        """The region of an array like an abstract one."""
+        """Return the region of an array with the given shape and dtype."""
         kind_of(aval)
-        shape = tuple(aval.shape)
-        return Region(start, shape, np.dtype(aval.dtype), int(np.prod(shape, dtype=int)))
+        return Region(start, tuple(aval.shape), np.dtype(aval.dtype), aval.size)
 
     @property
     def end(self) -> int:
-        """The cell behind the last."""
+        """The first cell after the region."""
         return self.start + self.size
 
 
 def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[core.Jaxpr]:
-    """The jaxprs among an equation's parameters."""
+    """Iterate over the jaxprs among an equation's parameters."""
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
         for item in items:
@@ -137,12 +155,13 @@ def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[core.Jaxpr]:
 
 
 def count_equations(jaxpr: core.Jaxpr) -> int:
-    """The number of equations, those of inner jaxprs included."""
+    """Count the equations of a jaxpr and of its inner jaxprs."""
     return sum(1 + sum(map(count_equations, inner_jaxprs(e))) for e in jaxpr.eqns)
 
 
 def tangents_of(jaxpr: core.Jaxpr) -> int:
-    """The length of the arrays that most operations work on: the number of tangents, or 0."""
+    """Return the number of tangents: the length of most rank-one arrays that are added or
+    multiplied, or 0 if there are few."""
     lengths: Counter[int] = Counter()
 
     def visit(jaxpr: core.Jaxpr) -> None:
@@ -162,20 +181,28 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 
 @dataclass
 class RepeatedCall:
-    """Equations of one jaxpr that call another one.
+    """Equations that call the same jaxpr.
 
-    `same`: which of their arguments are the same for all; `function`: what they call, made for the
-    first of them.
+    - `shared`: for each argument, whether it is the same in all calls.
+    - `function`: the function for the jaxpr; ``None`` until the first call has been lowered.
     """
 
-    same: list[bool]
+    shared: list[bool]
     function: "Function | None" = None
 
 
 @dataclass(frozen=True)
 class Function:
-    """A function of machine code, and the cells of its arguments and of its results. Results that
-    are the same for all calls are given as they are, without cells."""
+    """A function of machine code, which exchanges values with its callers by cells of memory.
+
+    - `number`: identifies the function for `Operations.call`.
+    - `parameters`: first cell of each value that differs between calls. The caller writes it there
+      and the function reads it.
+    - `results`: the arrays that the function returns, of values as named inside the function.
+    - `cells`: for each value in `results` that the function computes, the first cell to which it
+      writes the value and from which the caller reads it. The other values in `results` come from
+      outside and are the same in all calls.
+    """
 
     number: int
     parameters: list[int]
@@ -184,26 +211,26 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Calls of one large jaxpr, by the identities of their equations."""
+    """Find repeated calls of one large jaxpr, by the ids of their equations."""
     groups: dict[int, list[core.JaxprEqn]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
             groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
-    found: dict[int, RepeatedCall] = {}
+    calls: dict[int, RepeatedCall] = {}
     for equations in groups.values():
         if len(equations) < FEWEST_CALLS:
             continue
         closed = equations[0].params["jaxpr"]
         avals = [v.aval for v in equations[0].outvars]
-        small = all(getattr(aval, "size", 0) <= LARGEST_TAKEN_APART for aval in avals)
+        small = all(getattr(aval, "size", 0) <= LARGEST_UNROLLED for aval in avals)
         if small and count_equations(closed.jaxpr) >= SMALLEST_FUNCTION:
             columns = zip(*(equation.invars for equation in equations), strict=True)
-            group = RepeatedCall([_is_one(column) for column in columns])
-            found.update((id(equation), group) for equation in equations)
-    return found
+            group = RepeatedCall([_are_equal(column) for column in columns])
+            calls.update((id(equation), group) for equation in equations)
+    return calls
 
 
-def _is_one(atoms: Sequence[Atom]) -> bool:
+def _are_equal(atoms: Sequence[Atom]) -> bool:
     first = atoms[0]
     if not isinstance(first, core.Literal):
         return all(atom is first for atom in atoms)
@@ -213,114 +240,223 @@ def _is_one(atoms: Sequence[Atom]) -> bool:
 class Lowering:
     """Adds the equations of jaxprs to operations.
 
-    **Arguments:** `program`: what to add to; `rules`: by the names of primitives that do not work
-    element by element (see `.primitives`).
+    **Arguments:** `ops`: the operations to add to; `rules`: rules by the names of the primitives
+    that do not work element by element.
 
-    `constants`: content of memory that is there from the start, by its first cell.
+    `constants`: arrays that are in memory before the program starts, by their first cells.
     """
 
-    def __init__(self, program: Operations, rules: "Mapping[str, EquationRule]"):
-        self.do, self._rules = program, rules
+    def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
+        self.ops, self._rules = ops, rules
         self.constants: dict[int, np.ndarray] = {}
         self._repeated: dict[int, RepeatedCall] = {}
 
-    # Values.
+    # Forms of arrays.
 
-    def given(self, aval: ShapedArray, start: int) -> Array:
-        """An argument in memory; small ones are read at once."""
-        kind, shape = kind_of(aval), tuple(aval.shape)
-        memory = InMemory(start, shape, kind, owned=True)
-        return memory if memory.size > LARGEST_TAKEN_APART else self.read(memory)
+    def argument(self, aval: ShapedArray, start: int) -> Array:
+        """Return an argument of the program, which is in memory; small ones are read."""
+        memory = InMemory(start, tuple(aval.shape), kind_of(aval), owned=True)
+        return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """A known array."""
+        """Return a known array."""
         array = np.asarray(array)
-        kind = _KINDS.get(array.dtype)
-        if kind is None:
-            raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
-        if array.size > LARGEST_TAKEN_APART:
-            start = self.do.allocate(array.size)
+        kind = kind_of(array)
+        if array.size > LARGEST_UNROLLED:
+            start = self.ops.allocate(array.size)
             self.constants[start] = array
             return InMemory(start, array.shape, kind)
-        values = [self.do.constant(kind, x) for x in array.ravel().tolist()]
+        values = [self.ops.constant(kind, x) for x in array.ravel().tolist()]
         return self.array(values, array.shape)
 
     def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
-        """The array of so many values in order."""
+        """Return an array of values, given in row-major order."""
         if shape == ():
             return values[0]
         if self.is_packed(shape):
-            return Packed(self.do.pack(list(values)))
+            return Packed(self.ops.pack(list(values)))
         return np.array(values, dtype=np.int64).reshape(shape)
 
+    def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
+        """Allocate an array in memory."""
+        return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
+
     def is_packed(self, shape: tuple[int, ...]) -> bool:
-        """Whether arrays of a shape are kept as vectors of tangents."""
-        return self.do.packed > 0 and shape == (self.do.packed_length,)
+        """Return whether arrays of a shape are kept as vectors of tangents."""
+        return self.ops.packed > 0 and shape == (self.ops.packed_length,)
 
     def values(self, array: Array) -> list[Value]:
-        """The elements of an array in order."""
+        """Return the elements of an array in row-major order."""
         if isinstance(array, int):
             return [array]
         if isinstance(array, Packed):
-            return [self.do.element(array.value, k) for k in range(self.do.packed_length)]
+            return [self.ops.element(array.value, k) for k in range(self.ops.packed_length)]
         if isinstance(array, InMemory):
-            return [self.do.load(array.kind, array.start + k) for k in range(array.size)]
+            return [self.ops.load(array.kind, array.start + k) for k in range(array.size)]
         return array.ravel().tolist()
 
+    def vector(self, array: Array) -> Value:
+        """Return an array of tangents, or a scalar repeated for all tangents, as a vector."""
+        if isinstance(array, Packed):
+            return array.value
+        values = self.values(array)
+        return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
+
     def read(self, memory: InMemory) -> Array:
-        """The elements of an array in memory."""
-        if self.is_packed(memory.shape):
-            return Packed(self.do.pack(self.values(memory)))
+        """Read an array from memory."""
         return self.array(self.values(memory), memory.shape)
 
+    def write(self, array: Array, start: int, index: Value | None = None) -> None:
+        """Write an array to the cells from `start` on, or from `start` + `index` on."""
+        ops = self.ops
+        if not isinstance(array, InMemory):
+            for k, value in enumerate(self.values(array)):
+                ops.store(value, start + k, index)
+            return
+
+        def visit(k: Value) -> None:
+            target = k if index is None else ops.emit("add", "i", index, k)
+            ops.store(ops.load(array.kind, array.start, k), start, target)
+
+        ops.repeat(array.size, visit)
+
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """The array in memory, written there if it isn't."""
+        """Return the array in memory; write it there unless it is."""
         if isinstance(array, InMemory):
             return array
-        values = self.values(array)
-        memory = InMemory(self.do.allocate(len(values)), shape, self.do.kinds[values[0]], True)
-        for k, value in enumerate(values):
-            self.do.store(value, memory.start + k)
+        memory = self.new_array(shape, self.ops.kinds[self.values(array)[0]])
+        self.write(array, memory.start)
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """The region of an array in memory, written there if it isn't."""
+        """Return the region of an array in memory; write it there unless it is."""
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
-        region = Region.of(aval, self.do.allocate(int(np.prod(aval.shape, dtype=int))))
-        for k, value in enumerate(self.values(array)):
-            self.do.store(value, region.start + k)
+        region = Region.of(aval, self.ops.allocate(aval.size))
+        self.write(array, region.start)
         return region
 
-    def copied(self, memory: InMemory, start: int | None = None) -> InMemory:
-        """A copy of an array in memory, at new cells unless told where."""
-        start = self.do.allocate(memory.size) if start is None else start
+    def copied(self, memory: InMemory) -> InMemory:
+        """Copy an array in memory to new cells."""
+        copy = self.new_array(memory.shape, memory.kind)
+        self.write(memory, copy.start)
+        return copy
+
+    def flatten(self, arrays: Sequence[Array]) -> list[Value]:
+        """Return all values of arrays, except for those in memory."""
+        flat: list[Value] = []
+        for array in arrays:
+            if isinstance(array, Packed):
+                flat.append(array.value)
+            elif not isinstance(array, InMemory):
+                flat += self.values(array)
+        return flat
+
+    def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
+        """Return arrays of the forms of `like` with other values: the inverse of `flatten`."""
+        remaining = iter(values)
+        arrays: list[Array] = []
+        for array in like:
+            if isinstance(array, InMemory):
+                arrays.append(array)
+            elif isinstance(array, Packed):
+                arrays.append(Packed(next(remaining)))
+            elif isinstance(array, int):
+                arrays.append(next(remaining))
+            else:
+                elements = [next(remaining) for _ in range(array.size)]
+                arrays.append(np.array(elements, dtype=np.int64).reshape(array.shape))
+        return arrays
+
+    def take(self, array: Array, indices: np.ndarray) -> Array:
+        """Return the elements of an array at known flat indices, in the shape of these."""
+        shape, flat = indices.shape, indices.ravel()
+        if isinstance(array, InMemory):
+            if is_contiguous(flat):
+                part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
+                if flat.size <= LARGEST_UNROLLED:
+                    return self.read(part)
+                # Other parts of the same array may be read later: only a view of the whole array
+                # may be overwritten.
+                return replace(part, owned=False) if flat.size < array.size else part
+            if flat.size <= LARGEST_UNROLLED:
+                values = [self.ops.load(array.kind, array.start + int(k)) for k in flat]
+                return self.array(values, shape)
+            return self._take_by_table(array, flat, shape)
+        values = self.values(array)
+        if flat.size > LARGEST_UNROLLED:
+            if len(values) == 1:
+                kind = self.ops.kinds[values[0]]
+                return self._by_loop(lambda value: value, kind, shape, values)
+            return self._take_by_table(self.in_memory(array, (len(values),)), flat, shape)
+        return self.array([values[k] for k in flat], shape)
+
+    def _take_by_table(
+        self, array: InMemory, indices: np.ndarray, shape: tuple[int, ...]
+    ) -> InMemory:
+        """Take elements by a loop that reads their indices from a constant table."""
+        start = self.ops.allocate(indices.size)
+        self.constants[start] = indices
+        table = InMemory(start, (indices.size,), "i")
+
+        def load(index: Value) -> Value:
+            return self.ops.load(array.kind, array.start, index)
+
+        return self._by_loop(load, array.kind, shape, [table])
+
+    def _by_loop(
+        self,
+        rule: Callable[..., Value],
+        kind: str,
+        shape: tuple[int, ...],
+        arguments: Sequence[Array],
+    ) -> InMemory:
+        """Apply a rule to each element of arrays in memory, and to scalars."""
+        out = self.new_array(shape, kind)
 
         def visit(k: Value) -> None:
-            self.do.store(self.do.load(memory.kind, memory.start, k), start, k)
+            values = [
+                self.ops.load(a.kind, a.start, k) if isinstance(a, InMemory) else a
+                for a in arguments
+            ]
+            if not all(isinstance(value, int) for value in values):
+                raise UnsupportedPrimitiveError("arrays of different sizes")
+            self.ops.store(rule(*values), out.start, k)
 
-        self.do.repeat(memory.size, visit)
-        return InMemory(start, memory.shape, memory.kind, owned=True)
+        self.ops.repeat(out.size, visit)
+        return out
 
     # Equations.
 
-    def run(
-        self, jaxpr: core.Jaxpr, consts: Sequence[Array], arguments: Sequence[Array]
+    def inline(
+        self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
-        """The results of a jaxpr; owned arrays among the arguments may be overwritten."""
+        """Add the equations of a jaxpr and return its results."""
+        if isinstance(jaxpr, core.ClosedJaxpr):
+            return self.inline_with(jaxpr.jaxpr, jaxpr.consts, arguments)
+        return self.inline_with(jaxpr, (), arguments)
+
+    def inline_with(
+        self, jaxpr: core.Jaxpr, consts: Sequence[ArrayLike], arguments: Sequence[Array]
+    ) -> list[Array]:
+        """Add the equations of a jaxpr with the given constants and return its results.
+
+        Owned arrays in memory among the arguments may be overwritten.
+        """
+        constants = [self.constant(const) for const in consts]
         self._repeated |= repeated_calls(jaxpr)
-        known: dict[Atom, Array] = dict(zip(jaxpr.constvars, consts, strict=True))
+        known: dict[Atom, Array] = dict(zip(jaxpr.constvars, constants, strict=True))
         known |= dict(zip(jaxpr.invars, arguments, strict=True))
-        last: dict[Atom, int] = {}
+        last_reads: dict[Atom, int] = {}
         for number, equation in enumerate(jaxpr.eqns):
             for atom in equation.invars:
                 if not isinstance(atom, core.Literal):
-                    last[atom] = number
+                    last_reads[atom] = number
         for atom in jaxpr.outvars:
             if not isinstance(atom, core.Literal):
-                last[atom] = len(jaxpr.eqns)
+                last_reads[atom] = len(jaxpr.eqns)
         for number, equation in enumerate(jaxpr.eqns):
-            self._run_equation(equation, known, last, number)
+            self._add_equation(equation, known, last_reads, number)
         return [self._atom(atom, known) for atom in jaxpr.outvars]
 
     def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
@@ -329,32 +465,41 @@ class Lowering:
         if np.ndim(atom.val) == 0:
             kind = _KINDS.get(aval_of(atom).dtype)
             if kind is not None:
-                return self.do.constant(kind, atom.val)
+                return self.ops.constant(kind, atom.val)
         return self.constant(np.asarray(atom.val, dtype=aval_of(atom).dtype))
 
-    def _run_equation(
-        self, equation: core.JaxprEqn, known: dict[Atom, Array], last: dict[Atom, int], number: int
+    def _add_equation(
+        self,
+        equation: core.JaxprEqn,
+        known: dict[Atom, Array],
+        last_reads: dict[Atom, int],
+        number: int,
     ) -> None:
+        """Lower an equation and keep track of who may overwrite arrays in memory."""
         arguments: list[Array] = []
         live: list[InMemory] = []
         for atom in equation.invars:
             array = self._atom(atom, known)
             if isinstance(array, InMemory):
-                dies = last[atom] == number and list(equation.invars).count(atom) == 1
+                # A rule may overwrite an argument that no later equation reads. If the argument
+                # occurs twice in this equation, writing for one would change the other.
+                dies = last_reads[atom] == number and list(equation.invars).count(atom) == 1
                 if not dies:
                     live.append(array)
                     array = replace(array, owned=False)
             arguments.append(array)
         try:
-            outs = self._outs(equation, arguments)
+            outs = self._lower(equation, arguments)
         except UnsupportedPrimitiveError as error:
-            if error.place:
+            if error.location:
                 raise
-            place = source_info_util.summarize(equation.source_info)
-            raise UnsupportedPrimitiveError(str(error), place) from error
+            location = source_info_util.summarize(equation.source_info)
+            raise UnsupportedPrimitiveError(str(error), location) from error
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
+        # A result may be a view of an argument, or of the same cells as another result: then
+        # neither of the two may be overwritten.
         starts = Counter(out.start for out in outs if isinstance(out, InMemory))
         for array in live:
             if array.start in starts:
@@ -364,18 +509,18 @@ class Lowering:
                 out = replace(out, owned=False)
             known[variable] = out
 
-    def _outs(self, equation: core.JaxprEqn, arguments: list[Array]) -> Sequence[Array]:
-        name, parameters = equation.primitive.name, equation.params
+    def _lower(self, equation: core.JaxprEqn, arguments: list[Array]) -> Sequence[Array]:
+        name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:
                 return [self._elementwise(equation, arguments)]
-            return arguments  # a barrier of several arrays
+            return arguments  # `optimization_barrier` of several arrays
         if name in _CALLS:
-            closed = parameters[_CALLS[name]]
+            closed = equation.params[_CALLS[name]]
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)
-            return self.run(getattr(closed, "jaxpr", closed), self.consts(closed), arguments)
+            return self.inline(closed, arguments)
         rule = self._rules.get(name)
         if rule is None:
             raise UnsupportedPrimitiveError(name)
@@ -384,190 +529,86 @@ class Lowering:
     def _call(
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
-        """The results of a jaxpr that is one function for several calls."""
-        do, rows = self.do, list(zip(arguments, repeated.same, strict=True))
-        own = [array for array, same in rows if not same]
-        if any(isinstance(array, InMemory) for array in own):
-            return self.run(closed.jaxpr, self.consts(closed), arguments)
-        values = self.flattened(own)
+        """Call the function for a jaxpr, which the first call builds.
+
+        LLVM takes more than proportionally long for long blocks, and a step of a run calls its
+        rates once for each stage.
+        """
+        ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
+        varied = [array for array, shared in pairs if not shared]
+        if any(isinstance(array, InMemory) for array in varied):
+            return self.inline(closed, arguments)
+        values = self.flatten(varied)
         if repeated.function is None:
-            kinds = [do.kinds[value] for value in values]
-            parameters = [do.allocate_for(kind) for kind in kinds]
+            kinds = [ops.kinds[value] for value in values]
+            parameters = [ops.allocate_for(kind) for kind in kinds]
             results: list[Array] = []
             cells: dict[Value, int] = {}
 
             def build() -> None:
-                loaded = [do.load(*row) for row in zip(kinds, parameters, strict=True)]
-                given = iter(self.restored(loaded, own))
-                mixed = [array if same else next(given) for array, same in rows]
-                results[:] = self.run(closed.jaxpr, self.consts(closed), mixed)
-                for value in self.flattened(results):
-                    if value not in cells and do.is_inside(value):
-                        cells[value] = do.pass_on(value)
+                loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
+                remaining = iter(self.unflatten(loaded, varied))
+                mixed = [array if shared else next(remaining) for array, shared in pairs]
+                results[:] = self.inline(closed, mixed)
+                # Values from outside of the function are the same for all calls.
+                for value in self.flatten(results):
+                    if value not in cells and ops.is_inside(value):
+                        cells[value] = ops.pass_on(value)
 
-            number = do.function(build)
+            number = ops.function(build)
             repeated.function = Function(number, parameters, results, cells)
         function = repeated.function
         for value, cell in zip(values, function.parameters, strict=True):
-            do.pass_on(value, cell)
-        do.call(function.number)
-        loaded = {v: do.load(do.kinds[v], cell) for v, cell in function.cells.items()}
-        found = [loaded.get(value, value) for value in self.flattened(function.results)]
-        return self.restored(found, function.results)
-
-    def flattened(self, arrays: Sequence[Array]) -> list[Value]:
-        """The values that arrays outside of memory consist of."""
-        flat: list[Value] = []
-        for array in arrays:
-            if isinstance(array, Packed):
-                flat.append(array.value)
-            elif not isinstance(array, InMemory):
-                flat += self.values(array)
-        return flat
-
-    def restored(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Arrays of the form of others, with other values."""
-        remaining = iter(values)
-        found: list[Array] = []
-        for array in like:
-            if isinstance(array, InMemory):
-                found.append(array)
-            elif isinstance(array, Packed):
-                found.append(Packed(next(remaining)))
-            elif isinstance(array, int):
-                found.append(next(remaining))
-            else:
-                own = [next(remaining) for _ in range(array.size)]
-                found.append(np.array(own, dtype=np.int64).reshape(array.shape))
-        return found
-
-    def consts(self, closed: core.ClosedJaxpr) -> list[Array]:
-        """The constants of a jaxpr."""
-        return [self.constant(const) for const in getattr(closed, "consts", ())]
+            ops.pass_on(value, cell)
+        ops.call(function.number)
+        loaded = {v: ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()}
+        new = [loaded.get(value, value) for value in self.flatten(function.results)]
+        return self.unflatten(new, function.results)
 
     def _elementwise(self, equation: core.JaxprEqn, arguments: list[Array]) -> Array:
         aval = aval_of(equation.outvars[0])
         kind, shape = kind_of(aval), tuple(aval.shape)
-        rule, do, parameters = RULES[equation.primitive.name], self.do, equation.params
+        rule, ops, parameters = RULES[equation.primitive.name], self.ops, equation.params
         if aval.dtype == _UNSIGNED:
             rule = _unsigned(rule)
         if shape != ():
             arguments = [
-                self._spread(argument, tuple(aval_of(v).shape), shape)
+                self._repeat_axes(argument, aval_of(v), shape)
                 for argument, v in zip(arguments, equation.invars, strict=True)
             ]
         try:
             if shape == ():
-                return rule(do, kind, parameters, *arguments)
-            if int(np.prod(shape)) > LARGEST_TAKEN_APART:
-                return self.by_loop(
-                    lambda *values: rule(do, kind, parameters, *values), kind, shape, arguments
+                return rule(ops, kind, parameters, *arguments)
+            if aval.size > LARGEST_UNROLLED:
+                return self._by_loop(
+                    lambda *values: rule(ops, kind, parameters, *values), kind, shape, arguments
                 )
             if self.is_packed(shape):
                 vectors = [self.vector(argument) for argument in arguments]
-                return Packed(rule(do, f"{kind}p", parameters, *vectors))
-            rows = [self._broadcast(argument, shape) for argument in arguments]
-            values = [rule(do, kind, parameters, *row) for row in zip(*rows, strict=True)]
+                return Packed(rule(ops, f"{kind}p", parameters, *vectors))
+            rows = [
+                [argument] * aval.size if isinstance(argument, int) else self.values(argument)
+                for argument in arguments
+            ]
+            values = [rule(ops, kind, parameters, *row) for row in zip(*rows, strict=True)]
         except NotImplementedError as error:
             raise UnsupportedPrimitiveError(
                 f"{equation.primitive.name} ({error})" if error.args else equation.primitive.name
             ) from error
         return self.array(values, shape)
 
-    def _spread(self, array: Array, shape: tuple[int, ...], wanted: tuple[int, ...]) -> Array:
-        """An array, unless it is a scalar, with axes of length one repeated as another shape has
-        them."""
-        if isinstance(array, int) or shape == wanted:
+    def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
+        """Repeat axes of length one, unless the array is a scalar, to obtain a shape."""
+        if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
-        size = int(np.prod(shape, dtype=int))
-        places = np.broadcast_to(np.arange(size).reshape(shape), wanted)
-        return self.at_places(array, places)
-
-    def vector(self, array: Array) -> Value:
-        """The vector of an array of tangents, or of a scalar."""
-        if isinstance(array, Packed):
-            return array.value
-        values = self.values(array)
-        return self.do.pack(values * (self.do.packed_length if len(values) == 1 else 1))
-
-    def _broadcast(self, array: Array, shape: tuple[int, ...]) -> list[Value]:
-        if isinstance(array, int):
-            return [array] * int(np.prod(shape))
-        return self.values(array)
-
-    def by_loop(
-        self,
-        rule: Callable[..., Value],
-        kind: str,
-        shape: tuple[int, ...],
-        arguments: Sequence[Array],
-    ) -> InMemory:
-        """A rule applied to each element of arrays in memory."""
-        out = InMemory(self.do.allocate(int(np.prod(shape))), shape, kind, owned=True)
-
-        def visit(k: Value) -> None:
-            values = [
-                self.do.load(a.kind, a.start, k) if isinstance(a, InMemory) else a
-                for a in arguments
-            ]
-            if not all(isinstance(value, int) for value in values):
-                raise UnsupportedPrimitiveError("arrays of different sizes")
-            self.do.store(rule(*values), out.start, k)
-
-        self.do.repeat(out.size, visit)
-        return out
-
-    # Arrays whose elements are those of others.
-
-    def moved(self, equation: core.JaxprEqn, array: Array, places: np.ndarray) -> Array:
-        """The result of an equation, whose elements are at `places` among those of an array."""
-        return self.at_places(array, places.reshape(aval_of(equation.outvars[0]).shape))
-
-    def at_places(self, array: Array, places: np.ndarray) -> Array:
-        """The array whose elements are at some places among those of another."""
-        shape, flat = places.shape, places.ravel()
-        if isinstance(array, InMemory):
-            if flat.size and np.array_equal(flat, np.arange(flat[0], flat[0] + flat.size)):
-                moved = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
-                if flat.size <= LARGEST_TAKEN_APART:
-                    return self.read(moved)
-                if flat.size < array.size:
-                    moved = replace(moved, owned=False)
-                return moved
-            if flat.size <= LARGEST_TAKEN_APART:
-                values = [self.do.load(array.kind, array.start + int(k)) for k in flat]
-                return self.array(values, shape)
-            return self.by_table(array, flat, shape)
-        values = self.values(array)
-        if flat.size > LARGEST_TAKEN_APART:
-            if len(values) == 1:
-                kind = self.do.kinds[values[0]]
-                return self.by_loop(lambda value: value, kind, shape, values)
-            source = self.in_memory(array, (len(values),))
-            return self.by_table(source, flat, shape)
-        return self.array([values[k] for k in flat], shape)
-
-    def by_table(self, array: InMemory, places: np.ndarray, shape: tuple[int, ...]) -> InMemory:
-        """The elements of an array in memory at many places, which a table lists."""
-        start = self.do.allocate(places.size)
-        self.constants[start] = places
-        table = InMemory(start, (places.size,), "i")
-
-        def at(place: Value) -> Value:
-            return self.do.load(array.kind, array.start, place)
-
-        return self.by_loop(at, array.kind, shape, [table])
+        return self.take(array, np.broadcast_to(element_indices(aval), shape))
 
 
 def _unsigned(rule: Rule) -> Rule:
-    """A rule whose result is cut to 32 bits."""
+    """Return the rule with results cut to 32 bits, since uint32 is computed in 64-bit integers."""
 
-    def cut(do: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
-        value = rule(do, kind, parameters, *arguments)
-        return do.do("and", kind, value, elementwise.like(do, value, (1 << 32) - 1))
+    def cut(ops: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
+        value = rule(ops, kind, parameters, *arguments)
+        return ops.emit("and", kind, value, elementwise.like(ops, value, (1 << 32) - 1))
 
     return cut
-
-
-EquationRule = Callable[..., Sequence[Array]]
-"""Gives the results of an equation, from the lowering, the equation and its arguments."""

@@ -1,4 +1,4 @@
-"""LLVM's language to functions of this process, which are kept on disk."""
+"""Compilation of LLVM's language to functions of this process, with a cache on disk."""
 
 import ctypes
 import functools
@@ -20,7 +20,7 @@ def _new_target_machine() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     if sys.platform == "linux":
-        # Where the C library is another one, its functions of mathematics are in the process.
+        # Other C libraries than glibc contain the mathematical functions themselves.
         with suppress(RuntimeError):
             llvm.load_library_permanently("libm.so.6")
     return llvm.Target.from_default_triple().create_target_machine(
@@ -36,34 +36,35 @@ def _target_machine() -> llvm.TargetMachine:
 
 
 class MachineCode:
-    """A compiled function of the address of its memory, which can be pickled.
+    """A compiled function of an address in memory, which can be pickled.
 
-    **Arguments:** `code`: an object file; `name`: of the function in it.
+    **Arguments:** `code`: content of an object file; `name`: name of the function in it.
     """
 
     def __init__(self, code: bytes, name: str):
         self._code, self._name = code, name
 
     def __call__(self, address: int) -> int:
-        """What the function returns."""
-        return self._function(address)
+        """Call the function."""
+        engine, function = self._loaded  # The engine owns the code; it must live during the call.
+        return function(address)
 
     def __getstate__(self) -> dict[str, object]:
         return {"_code": self._code, "_name": self._name}
 
     @functools.cached_property
-    def _function(self) -> Callable[[int], int]:
-        machine = _new_target_machine()
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
-        self._engine.finalize_object()
-        address = self._engine.get_function_address(self._name)
-        return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
+    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
+        # From Python 3.12 on there is no lock: concurrent first calls make an engine each.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
+        engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
+        engine.finalize_object()
+        address = engine.get_function_address(self._name)
+        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
 
 
 def compiled(text: str, name: str) -> MachineCode:
-    """The function `name` of a module in LLVM's language, from disk if it has been compiled before
-    for this processor."""
+    """Compile the function `name` of a module in LLVM's language, or load it from disk if it has
+    been compiled before for this processor."""
     key = hashlib.sha256("\n".join((text, *target())).encode()).hexdigest()
     store = store_of_code()
     code = None if store is None else store.read(key)
@@ -76,13 +77,13 @@ def compiled(text: str, name: str) -> MachineCode:
 
 
 def target() -> tuple[str, ...]:
-    """What machine code depends on beside its text: LLVM and the processor."""
+    """Return the versions of LLVM and of the processor, on which machine code depends."""
     features = llvm.get_host_cpu_features().flatten()
     return llvmlite.__version__, llvm.get_host_cpu_name(), features
 
 
 def store_of_code() -> ProgramStore | None:
-    """Where machine code is kept, in the folder of JAX's compilation cache; ``None`` without."""
+    """Return the store of machine code in JAX's compilation cache, or ``None`` without a cache."""
     folder = cache_in_use()
     return None if folder is None else ProgramStore(folder / "native")
 
@@ -92,9 +93,9 @@ def _object_file(text: str) -> bytes:
     try:
         module = llvm.parse_assembly(text)
     except RuntimeError as error:
-        raise UnsupportedPrimitiveError(f"a program that LLVM refuses ({error})") from error
+        raise UnsupportedPrimitiveError(f"a program that LLVM rejects ({error})") from error
     options = llvm.create_pipeline_tuning_options(speed_level=OPTIMISATION)
-    # Loops are few and code is straight: these passes would only take time.
+    # Programs are mostly straight code with few loops, on which these passes only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)

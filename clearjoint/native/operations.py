@@ -1,9 +1,9 @@
-"""Operations on scalars: what a jaxpr becomes before it is written in LLVM's language.
+"""Operations on scalars: the form of a program between a jaxpr and LLVM's language.
 
-A value is a number (its index). Each value has a kind: ``f`` float64, ``i`` int64, ``w`` int32,
-``b`` bool; with ``p`` behind it, a vector of tangents of that kind, which is kept as one value.
-Operations are pure and stand in blocks; loops and branches are entries of a block that hold blocks
-of their own.
+A value is named by an integer and computed once (static single assignment). Its kind is ``f``
+(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool); with the suffix ``p`` it is a vector of
+tangents of that kind. A block is a list of entries: pure operations, reads and writes of memory,
+calls of functions, and branches and loops, which contain blocks.
 """
 
 import math
@@ -18,7 +18,7 @@ import numpy as np
 Value = int
 Number = float | int | bool
 KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
-"""Kinds by the names of dtypes. Results of arithmetic on uint32 are cut to their 32 bits."""
+"""Kinds by the names of dtypes. uint32 is computed in int64, with results cut to 32 bits."""
 
 
 @dataclass
@@ -32,7 +32,7 @@ class Operation:
 
 @dataclass
 class LoadCell:
-    """Read the cell `start` + `index`, unless the index is ``None``."""
+    """Read the cell `start` + `index`, or `start` if the index is ``None``."""
 
     out: Value
     start: int
@@ -41,7 +41,7 @@ class LoadCell:
 
 @dataclass
 class StoreCell:
-    """Write a value to the cell `start` + `index`, unless the index is ``None``."""
+    """Write a value to the cell `start` + `index`, or `start` if the index is ``None``."""
 
     value: Value
     start: int
@@ -50,7 +50,7 @@ class StoreCell:
 
 @dataclass
 class Branch:
-    """Carry out one of two blocks; `outs` are the values of the block that was carried out."""
+    """Execute one of two blocks; `outs` are the values of the executed one."""
 
     condition: Value
     outs: list[Value]
@@ -62,9 +62,9 @@ class Branch:
 
 @dataclass
 class Loop:
-    """Carry out `body` as long as `condition`, computed by `head`, holds.
+    """Execute `body` as long as `condition`, computed by `head`, holds.
 
-    `carries` start as `first` and go on as `following`, computed by the body.
+    `carries` start as `first` and become `following`, computed by the body, at each iteration.
     """
 
     carries: list[Value]
@@ -77,7 +77,7 @@ class Loop:
 
 @dataclass
 class Call:
-    """Carry out a function of the program, which reads and writes memory."""
+    """Execute a function of the program. Its arguments and results are in memory."""
 
     function: int
 
@@ -87,7 +87,7 @@ Entry = Operation | LoadCell | StoreCell | Branch | Loop | Call
 
 @dataclass
 class Block:
-    """Entries in the order in which they are carried out."""
+    """Entries in the order of their execution."""
 
     entries: list[Entry] = field(default_factory=list)
 
@@ -97,49 +97,31 @@ def _divided(a: float, b: float) -> float:
         return float(np.float64(a) / np.float64(b))
 
 
-_COMPARED = {
-    "lt": operator.lt,
-    "le": operator.le,
-    "gt": operator.gt,
-    "ge": operator.ge,
-    "eq": operator.eq,
-    "ne": operator.ne,
-}
+_COMPARISONS = ("lt", "le", "gt", "ge", "eq", "ne")
 _FOLDED: dict[str, Callable] = {
-    "fadd": operator.add,
-    "fsub": operator.sub,
-    "fmul": operator.mul,
-    "fdiv": _divided,
-    "fneg": operator.neg,
-    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
-    "abs": abs,
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
+    **{f"f{name}": getattr(operator, name) for name in ("add", "sub", "mul", "neg", *_COMPARISONS)},
+    **{f"i{name}": getattr(operator, name) for name in _COMPARISONS},
+    **{name: getattr(operator, name) for name in ("abs", "add", "sub", "mul", "xor")},
     "and": operator.and_,
     "or": operator.or_,
-    "xor": operator.xor,
-    "int_to_float": float,
-    "bool_to_int": int,
-    "int_to_bool": lambda x: x != 0,
-    "float_to_bool": lambda x: x != 0.0,
-    "bool_to_float": float,
-    "widen": int,
-    "narrow": int,
-    **{f"f{name}": compare for name, compare in _COMPARED.items()},
-    **{f"i{name}": compare for name, compare in _COMPARED.items()},
+    "fdiv": _divided,
+    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
+    **dict.fromkeys(("int_to_float", "bool_to_float"), float),
+    **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
+    **dict.fromkeys(("int_to_bool", "float_to_bool"), bool),
 }
-"""Operations that are carried out at once where all arguments are known; each rounds as the
-machine does."""
+"""Operations that are computed here if all arguments are known, rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
 
 
 class Operations:
-    """Builds blocks of operations: none twice, and none whose result is known beforehand.
+    """Builds the blocks of a program.
 
-    **Arguments:** `width`: number of lanes that each value has side by side; `tangents`: number of
-    tangents that vectors hold, 0 for none. Vectors have the next power of two of elements
-    (`packed`), of which the last ones repeat.
+    An operation on the same arguments is added once, and none is added whose result is known.
+
+    **Arguments:** `width`: number of lanes, each value being a vector of them; `tangents`: number
+    of tangents in a vector of tangents, 0 for none. Such a vector has `packed` elements, the next
+    power of two, of which the last ones repeat.
     """
 
     def __init__(self, width: int = 1, tangents: int = 0):
@@ -151,20 +133,23 @@ class Operations:
         self.cells = 0
         self.block = Block()
         self.functions: list[Block] = []
+        # The blocks around the functions that are being built, each with the number of its scope.
         self._outside: list[tuple[Block, int]] = []
+        # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
+        # Values by operation and arguments, and the keys that each open block has added: a value
+        # can be reused in inner blocks, but not after its block.
         self._known: dict[tuple, Value] = {}
         self._scopes: list[list[tuple]] = [[]]
-        self._made: dict[Value, tuple[str, tuple[Value, ...]]] = {}
+        self._definitions: dict[Value, tuple[str, tuple[Value, ...]]] = {}
         self._uniform: set[Value] = set()
         self._mask: Value | None = None
 
     def new(self, kind: str) -> Value:
-        """A value that something else than a pure operation computes."""
+        """Return a new value, for an entry other than a pure operation."""
         return self._new(kind, len(self._outside))
 
     def _new(self, kind: str, depth: int) -> Value:
-        """A value that is computed in so many functions, one inside the other."""
         self.kinds.append(kind)
         value = len(self.kinds) - 1
         if depth:
@@ -172,66 +157,62 @@ class Operations:
         return value
 
     def constant(self, kind: str, number: Number) -> Value:
-        """The value of a known number."""
+        """Return the value of a known number."""
         if kind == "f":
             number = float(number)
+            # By its bits, since 0.0 == -0.0 and NaN != NaN.
             key = ("constant", "f", struct.pack("d", number))
         else:
             number = bool(number) if kind == "b" else int(number)
             key = ("constant", kind, number)
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = self._new(kind, 0)  # of all scopes
-            self.constants[found] = number
-        return found
+        value = self._known.get(key)
+        if value is None:
+            value = self._known[key] = self._new(kind, 0)
+            self.constants[value] = number
+        return value
 
     def number(self, value: Value) -> Number | None:
-        """The number of a known value, else ``None``."""
+        """Return the number of a constant; ``None`` for a value that only the run determines."""
         return self.constants.get(value)
 
     def is_uniform(self, value: Value) -> bool:
-        """Whether a value is known to be the same in all lanes."""
+        """Return whether a value is known to be the same in all lanes."""
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Say that a value is the same in all lanes."""
+        """Declare a value to be the same in all lanes."""
         self._uniform.add(value)
 
-    def is_float(self, value: Value, number: float) -> bool:
-        """Whether a value is known to be a number; positive and negative zero differ."""
-        known = self.constants.get(value)
-        return (
-            isinstance(known, float)
-            and known == number
-            and math.copysign(1.0, known) == math.copysign(1.0, number)
-        )
-
-    def do(self, name: str, kind: str, *arguments: Value) -> Value:
-        """The result of a pure operation."""
+    def emit(self, name: str, kind: str, *arguments: Value) -> Value:
+        """Add a pure operation and return its result."""
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
             return simpler
         key = (name, kind, *arguments)
-        found = self._known.get(key)
-        if found is None:
+        value = self._known.get(key)
+        if value is None:
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
+                # In a function, an operation on values from outside is moved there, so that all
+                # calls share its result.
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]
-            found = self._known[key] = self._new(kind, depth)
+            value = self._known[key] = self._new(kind, depth)
             self._scopes[scope].append(key)
-            self._made[found] = name, arguments
+            self._definitions[value] = name, arguments
             if self.width > 1 and all(map(self.is_uniform, arguments)):
-                self._uniform.add(found)
-            block.entries.append(Operation(found, name, arguments))
-        return found
+                self._uniform.add(value)
+            block.entries.append(Operation(value, name, arguments))
+        return value
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
-        """The result if no operation is needed, by rules that hold for all numbers, NaN among
-        them."""
-        constants = self.constants
-        known = [constants.get(value) for value in arguments]
+        """Return the result of an operation that can be omitted.
+
+        Every rule holds for all numbers, also for NaN, infinities and negative zeros: x + 0.0 is
+        not x, for instance, if x is -0.0.
+        """
+        known = [self.constants.get(value) for value in arguments]
         if name in _FOLDED and None not in known:
             number = _FOLDED[name](*known)
             if kind in _RANGE:
@@ -242,49 +223,34 @@ class Operations:
             return self._simplified_select(kind, arguments, known)
         if name in ("and", "or") and kind == "b":
             return self._simplified_logic(name, arguments, known)
-        if kind not in ("f", "fp") or len(arguments) != 2:
-            return self._simplified_one(name, arguments)
-        a, b = arguments
+        if name in ("fneg", "not"):
+            return self._negated(arguments[0], name)
+        if kind in ("f", "fp") and len(arguments) == 2:
+            return self._simplified_float(name, kind, *arguments)
+        return None
+
+    def _simplified_float(self, name: str, kind: str, a: Value, b: Value) -> Value | None:
         if name == "fmul":
-            for one, other in ((a, b), (b, a)):
-                if self._is_all(one, 1.0):
+            for x, other in ((a, b), (b, a)):
+                if self._is_all(x, 1.0):
                     return other
-                if self._is_all(one, -1.0):
-                    return self.do("fneg", kind, other)
+                if self._is_all(x, -1.0):
+                    return self.emit("fneg", kind, other)
         elif name == "fdiv" and self._is_all(b, 1.0):
             return a
         elif name == "fadd":
-            for one, other in ((a, b), (b, a)):
-                if self._is_all(one, -0.0):
+            for x, other in ((a, b), (b, a)):
+                if self._is_all(x, -0.0):
                     return other
-                if self._made_by(one, "fneg"):
-                    return self.do("fsub", kind, other, self._made[one][1][0])
+                negated = self._negated(x, "fneg")
+                if negated is not None:
+                    return self.emit("fsub", kind, other, negated)
         elif name == "fsub":
             if self._is_all(b, 0.0):
                 return a
-            if self._made_by(b, "fneg"):
-                return self.do("fadd", kind, a, self._made[b][1][0])
-        return None
-
-    def repeated_number(self, value: Value) -> Number | None:
-        """The number that a value, or each tangent of a vector, is known to be, else ``None``."""
-        return self.constants.get(self._splatted(value))
-
-    def _splatted(self, value: Value) -> Value:
-        return self._made[value][1][0] if self._made_by(value, "splat") else value
-
-    def _is_all(self, value: Value, number: float) -> bool:
-        """Whether a float, or all tangents of a vector, are known to be a number."""
-        return self.is_float(self._splatted(value), number)
-
-    def _made_by(self, value: Value, name: str) -> bool:
-        made = self._made.get(value)
-        return made is not None and made[0] == name
-
-    def _simplified_one(self, name: str, arguments: tuple[Value, ...]) -> Value | None:
-        (a, *_) = arguments
-        if name in ("fneg", "not") and self._made_by(a, name):
-            return self._made[a][1][0]
+            negated = self._negated(b, "fneg")
+            if negated is not None:
+                return self.emit("fadd", kind, a, negated)
         return None
 
     def _simplified_select(
@@ -296,49 +262,78 @@ class Operations:
         if yes == no:
             return yes
         if kind == "b" and known[1] is not None and known[2] is not None:
-            return condition if known[1] else self.do("not", "b", condition)
+            return condition if known[1] else self.emit("not", "b", condition)
         return None
 
     def _simplified_logic(
         self, name: str, arguments: tuple[Value, ...], known: list[Number | None]
     ) -> Value | None:
-        a, b = arguments
-        if a == b:
-            return a
-        for one, other in ((0, 1), (1, 0)):
-            if known[one] is not None:
-                neutral = known[one] if name == "and" else not known[one]
-                return arguments[other] if neutral else arguments[one]
+        if arguments[0] == arguments[1]:
+            return arguments[0]
+        for k, other in ((0, 1), (1, 0)):
+            if known[k] is not None:
+                neutral = known[k] if name == "and" else not known[k]
+                return arguments[other] if neutral else arguments[k]
         return None
+
+    def repeated_number(self, value: Value) -> Number | None:
+        """Return the number of a value, or the number that all elements of a vector have.
+
+        Return ``None`` if the number is unknown until the program runs.
+        """
+        # A vector with equal elements is made from one value by the operation "splat".
+        name, arguments = self._definitions.get(value, ("", ()))
+        return self.constants.get(arguments[0] if name == "splat" else value)
+
+    def _is_all(self, value: Value, number: float) -> bool:
+        """Return whether a float, or each element of a vector, is known to be a given number.
+
+        0.0 and -0.0 count as different numbers.
+        """
+        known = self.repeated_number(value)
+        return (
+            isinstance(known, float)
+            and known == number
+            and math.copysign(1.0, known) == math.copysign(1.0, number)
+        )
+
+    def _negated(self, value: Value, name: str) -> Value | None:
+        """Return x if a value was computed as `name`(x), else ``None``.
+
+        **Arguments:** `name`: "fneg" or "not".
+        """
+        definition, arguments = self._definitions.get(value, ("", ()))
+        return arguments[0] if definition == name else None
 
     # Vectors of tangents.
 
     def pack(self, values: list[Value]) -> Value:
-        """The vector of as many values as there are tangents."""
+        """Return the vector of values, one for each tangent."""
         kind = self.kinds[values[0]]
-        made = self._made.get(values[0])
-        if made is not None and made[0] == "element":
-            vector = made[1][0]
+        name, arguments = self._definitions.get(values[0], ("", ()))
+        if name == "element":
+            # The elements of one vector in order are that vector.
+            vector = arguments[0]
             if all(self.element(vector, k) == value for k, value in enumerate(values)):
                 return vector
         if all(value == values[0] for value in values):
-            return self.do("splat", f"{kind}p", values[0])
-        return self.do("build", f"{kind}p", *values)
+            return self.emit("splat", f"{kind}p", values[0])
+        return self.emit("build", f"{kind}p", *values)
 
     def element(self, vector: Value, k: int) -> Value:
-        """The k-th element of a vector of tangents."""
-        made = self._made.get(vector)
-        if made is not None and made[0] == "splat":
-            return made[1][0]
-        if made is not None and made[0] == "build":
-            return made[1][k]
-        return self.do("element", self.kinds[vector][0], vector, self.constant("i", k))
+        """Return the k-th element of a vector of tangents."""
+        name, arguments = self._definitions.get(vector, ("", ()))
+        if name == "splat":
+            return arguments[0]
+        if name == "build":
+            return arguments[k]
+        return self.emit("element", self.kinds[vector][0], vector, self.constant("i", k))
 
     # Blocks.
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Build in another block, whose values are not known outside."""
+        """Add entries to another block, whose values cannot be reused outside of it."""
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -349,30 +344,30 @@ class Operations:
             self.block = outer
 
     def allocate(self, cells: int) -> int:
-        """The first of so many new cells of memory."""
+        """Reserve cells of memory and return the first one."""
         self.cells += cells
         return self.cells - cells
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """The content of a cell."""
+        """Read a cell."""
         start, index = self._address(start, index)
         out = self.new(kind)
         self.block.entries.append(LoadCell(out, start, index))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Write a value to a cell, in the lanes that a mask leaves."""
+        """Write a value to a cell; within `masked`, only in lanes in which the condition holds."""
         start, index = self._address(start, index)
         if self._mask is not None:
             kind = self.kinds[value]
-            value = self.do("select", kind, self._mask, value, self.load(kind, start, index))
+            value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
         self.block.entries.append(StoreCell(value, start, index))
 
     @contextmanager
     def masked(self, condition: Value) -> Iterator[None]:
-        """A context in which only the lanes for which a condition holds write to memory."""
+        """Within the context, only lanes in which a condition holds write to memory."""
         outer = self._mask
-        self._mask = condition if outer is None else self.do("and", "b", outer, condition)
+        self._mask = condition if outer is None else self.emit("and", "b", outer, condition)
         try:
             yield
         finally:
@@ -382,45 +377,48 @@ class Operations:
         known = None if index is None else self.constants.get(index)
         return (start, index) if known is None else (start + int(known), None)
 
-    # Functions, whose arguments and results are in memory.
+    # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """The number of a function, to be called in this block and in those inside.
+        """Build a function and return its number, for calls in this block and in inner ones.
 
-        It finds values from outside in memory. Operations on them alone are carried out outside,
-        once for all calls.
+        Values from outside that the function uses are written to memory where it is built, and read
+        by the function.
         """
         inner, depth = Block(), len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
         with self.inside(inner), self._unmasked():
             build()
         self._outside.pop()
-        given: list[Entry] = []
+        loads: list[Entry] = []
         for value in _used(inner):
             if value not in self.constants and self._depths.get(value, 0) <= depth:
-                given.append(LoadCell(value, self.pass_on(value), None))
-        inner.entries[:0] = given
+                loads.append(LoadCell(value, self.pass_on(value), None))
+        inner.entries[:0] = loads
         self.functions.append(inner)
         return len(self.functions) - 1
 
     def is_inside(self, value: Value) -> bool:
-        """Whether a value is computed in the innermost function."""
+        """Return whether a value is computed in the innermost function."""
         return self._depths.get(value, 0) == len(self._outside)
 
     def call(self, function: int) -> None:
-        """Carry out a function."""
+        """Call a function."""
         self.block.entries.append(Call(function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """The first cell of a value that is written to memory in all lanes; a new one unless
-        given."""
+        """Write a value to a cell, in all lanes, for a function or its caller.
+
+        Returns the cell, which is a new one unless given. The mask is ignored: a function computes
+        in all lanes.
+        """
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
         self.block.entries.append(StoreCell(value, cell, None))
         return cell
 
     def allocate_for(self, kind: str) -> int:
-        """The first of new cells for a value of a kind."""
+        """Reserve cells for a value of a kind and return the first one."""
         return self.allocate(self.packed if kind.endswith("p") else 1)
 
     @contextmanager
@@ -437,7 +435,7 @@ class Operations:
         yes: Callable[[], list[Value]],
         no: Callable[[], list[Value]],
     ) -> list[Value]:
-        """The values of one of two functions, each of which builds a block."""
+        """Add a branch and return its values; `yes` and `no` build the two blocks."""
         blocks, values = (Block(), Block()), []
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
@@ -454,7 +452,7 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Values that start as the first ones and go on by `body` as long as `holds` is true."""
+        """Add a loop and return its carries after the last iteration."""
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = Block(), Block()
         with self.inside(head):
@@ -465,26 +463,26 @@ class Operations:
         return carries
 
     def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
-        """Build a block that is carried out for each number from zero to a count."""
+        """Add a loop whose body `visit` builds for the indices 0 to `count` - 1."""
 
         def holds(carries: list[Value]) -> Value:
             self.mark_uniform(carries[0])
-            return self.do("ilt", "b", carries[0], end)
+            return self.emit("ilt", "b", carries[0], end)
 
         def body(carries: list[Value]) -> list[Value]:
             visit(carries[0])
-            return [self.do("add", "i", carries[0], self.constant("i", 1))]
+            return [self.emit("add", "i", carries[0], self.constant("i", 1))]
 
         zero, end = self.constant("i", 0), self.constant("i", count)
         self.loop([zero], holds, body)
 
 
 def _used(block: Block) -> list[Value]:
-    """The values that a block takes as arguments, those made in it among them."""
-    found: dict[Value, None] = {}
+    """Return the values that the entries of a block use, in order of their first use."""
+    used: dict[Value, None] = {}
 
     def add(*values: Value | None) -> None:
-        found.update((value, None) for value in values if value is not None)
+        used.update((value, None) for value in values if value is not None)
 
     for entry in block.entries:
         if isinstance(entry, Operation):
@@ -494,9 +492,9 @@ def _used(block: Block) -> list[Value]:
         elif isinstance(entry, StoreCell):
             add(entry.value, entry.index)
         elif isinstance(entry, Branch):
-            inside = _used(entry.yes), _used(entry.no)
-            add(entry.condition, *entry.yes_values, *entry.no_values, *inside[0], *inside[1])
+            inner = _used(entry.yes), _used(entry.no)
+            add(entry.condition, *entry.yes_values, *entry.no_values, *inner[0], *inner[1])
         elif isinstance(entry, Loop):
-            inside = _used(entry.head), _used(entry.body)
-            add(entry.condition, *entry.first, *entry.following, *inside[0], *inside[1])
-    return list(found)
+            inner = _used(entry.head), _used(entry.body)
+            add(entry.condition, *entry.first, *entry.following, *inner[0], *inner[1])
+    return list(used)

@@ -1,15 +1,18 @@
-"""Primitives that move elements: slices, reshapes, concatenations and their like.
+"""Primitives that rearrange elements: slices, reshapes, concatenations and similar ones.
 
-Each rule takes the lowering, the equation and its arguments, and gives the equation's results.
+Each rule takes the lowering, the equation and its arguments, and returns the equation's results.
+A rule applies the NumPy function of the same name to the flat indices of the elements; the result
+says which element of the argument stands where.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jax.extend import core
 
 from .lowering import (
-    LARGEST_TAKEN_APART,
+    LARGEST_UNROLLED,
     Array,
     EquationRule,
     InMemory,
@@ -17,40 +20,36 @@ from .lowering import (
     Packed,
     UnsupportedPrimitiveError,
     aval_of,
+    element_indices,
+    is_contiguous,
     kind_of,
 )
 
+Rearrange = Callable[[np.ndarray], np.ndarray]
 
-def _structure(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, move: Callable
+
+def _rearranged(
+    lower: Lowering, equation: core.JaxprEqn, array: Array, rearrange: Rearrange
 ) -> list[Array]:
-    aval = aval_of(equation.invars[0])
-    size = int(np.prod(aval.shape, dtype=int))
-    return [lower.moved(equation, array, move(np.arange(size).reshape(aval.shape)))]
-
-
-def _squeeze(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    shape = aval_of(equation.outvars[0]).shape
-    if isinstance(array, int):
-        return [array]
-    if isinstance(array, np.ndarray) and array.size == 1 and shape == ():
-        return [int(array.ravel()[0])]
-    return _structure(lower, equation, array, lambda places: places)
+    return [lower.take(array, rearrange(element_indices(aval_of(equation.invars[0]))))]
 
 
 def _reshape(lower: Lowering, equation: core.JaxprEqn, array: Array, *_: Array) -> list[Array]:
-    return _structure(lower, equation, array, lambda places: places)
+    shape = tuple(aval_of(equation.outvars[0]).shape)
+    if isinstance(array, InMemory):
+        return [replace(array, shape=shape)]
+    return [lower.array(lower.values(array), shape)]
 
 
 def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
-    at = tuple(slice(*row) for row in rows)
+    part = tuple(slice(*row) for row in rows)
     if isinstance(array, Packed) and aval_of(equation.outvars[0]).shape == (1,):
-        element = lower.do.element(array.value, at[0].start)
-        return [lower.array([element], (1,))]
-    return _structure(lower, equation, array, lambda places: places[at])
+        # One element of a vector, without those of all other tangents.
+        return [lower.array([lower.ops.element(array.value, part[0].start)], (1,))]
+    return _rearranged(lower, equation, array, lambda indices: indices[part])
 
 
 def _broadcast_in_dim(
@@ -60,112 +59,100 @@ def _broadcast_in_dim(
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
 
-    def move(places: np.ndarray) -> np.ndarray:
-        own = [1] * len(shape)
-        for axis, size in zip(dimensions, places.shape, strict=True):
-            own[axis] = size
-        return np.broadcast_to(places.reshape(own), shape)
+    def rearrange(indices: np.ndarray) -> np.ndarray:
+        expanded = [1] * len(shape)
+        for axis, size in zip(dimensions, indices.shape, strict=True):
+            expanded[axis] = size
+        return np.broadcast_to(indices.reshape(expanded), shape)
 
-    return _structure(lower, equation, array, move)
+    return _rearranged(lower, equation, array, rearrange)
 
 
 def _transpose(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     order = equation.params["permutation"]
-    return _structure(lower, equation, array, lambda places: places.transpose(order))
+    return _rearranged(lower, equation, array, lambda indices: indices.transpose(order))
 
 
 def _rev(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     axes = equation.params["dimensions"]
-    return _structure(lower, equation, array, lambda places: np.flip(places, axes))
+    return _rearranged(lower, equation, array, lambda indices: np.flip(indices, axes))
 
 
 def _tile(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     reps = equation.params["reps"]
-    return _structure(lower, equation, array, lambda places: np.tile(places, reps))
+    return _rearranged(lower, equation, array, lambda indices: np.tile(indices, reps))
 
 
 def _joined(
     lower: Lowering, equation: core.JaxprEqn, arrays: Sequence[Array], join: Callable
 ) -> list[Array]:
-    """One array of several ones'."""
-    sizes = [int(np.prod(aval_of(v).shape, dtype=int)) for v in equation.invars]
-    starts = np.cumsum([0, *sizes])
-    places = join(
-        [
-            np.arange(start, start + size).reshape(aval_of(v).shape)
-            for start, size, v in zip(starts, sizes, equation.invars, strict=False)
-        ]
-    )
-    shape = tuple(aval_of(equation.outvars[0]).shape)
-    if places.size <= LARGEST_TAKEN_APART:
+    """Join arrays as `join` joins the indices of their elements, counted through all arrays."""
+    avals = [aval_of(v) for v in equation.invars]
+    starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
+    rows = zip(avals, starts, strict=False)
+    indices = join([element_indices(aval) + start for aval, start in rows])
+    out = aval_of(equation.outvars[0])
+    if indices.size <= LARGEST_UNROLLED:
         values = [value for array in arrays for value in lower.values(array)]
-        return [lower.array([values[k] for k in places.ravel()], shape)]
-    if not np.array_equal(places.ravel(), np.arange(starts[-1])):
+        return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
+    if not is_contiguous(indices.ravel()):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
-    out = InMemory(
-        lower.do.allocate(places.size), shape, kind_of(aval_of(equation.outvars[0])), True
-    )
+    memory = lower.new_array(tuple(out.shape), kind_of(out))
     for start, array in zip(starts, arrays, strict=False):
-        if isinstance(array, InMemory):
-            lower.copied(array, out.start + int(start))
-        else:
-            for k, value in enumerate(lower.values(array)):
-                lower.do.store(value, out.start + int(start) + k)
-    return [out]
+        lower.write(array, memory.start + start)
+    return [memory]
 
 
 def _concatenate(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Array]:
     axis = equation.params["dimension"]
-    return _joined(lower, equation, arrays, lambda places: np.concatenate(places, axis))
+    return _joined(lower, equation, arrays, lambda indices: np.concatenate(indices, axis))
 
 
 def _stack(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Array]:
     axis = equation.params.get("axis", equation.params.get("dimension", 0))
-    return _joined(lower, equation, arrays, lambda places: np.stack(places, axis))
+    return _joined(lower, equation, arrays, lambda indices: np.stack(indices, axis))
 
 
 def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array) -> list[Array]:
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
-    size = int(np.prod(aval.shape, dtype=int))
-    places = np.full(out.shape, size)
+    if out.size > LARGEST_UNROLLED:
+        raise UnsupportedPrimitiveError("pad of large arrays")
+    # The padding is the element after the last one of the array.
+    indices = np.full(out.shape, aval.size)
     targets, sources = [], []
     rows = zip(equation.params["padding_config"], aval.shape, out.shape, strict=True)
-    for (low, _, inside), length, padded in rows:
-        target = low + np.arange(length) * (inside + 1)
+    for (low, _, between), length, padded in rows:
+        target = low + np.arange(length) * (between + 1)
+        # Negative padding cuts elements off.
         source = np.flatnonzero((target >= 0) & (target < padded))
         targets.append(target[source])
         sources.append(source)
-    places[np.ix_(*targets)] = np.arange(size).reshape(aval.shape)[np.ix_(*sources)]
-    if places.size > LARGEST_TAKEN_APART:
-        raise UnsupportedPrimitiveError("pad of large arrays")
+    indices[np.ix_(*targets)] = element_indices(aval)[np.ix_(*sources)]
     values = [*lower.values(array), *lower.values(padding)]
-    return [lower.array([values[k] for k in places.ravel()], places.shape)]
+    return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
 
 
 def _split(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
     sizes, axis = equation.params["sizes"], equation.params["axis"]
-    aval = aval_of(equation.invars[0])
-    places = np.arange(aval.size).reshape(aval.shape)
-    parts = np.split(places, np.cumsum(sizes)[:-1], axis)
-    return [lower.at_places(array, part) for part in parts]
+    indices = element_indices(aval_of(equation.invars[0]))
+    parts = np.split(indices, np.cumsum(sizes)[:-1], axis)
+    return [lower.take(array, part) for part in parts]
 
 
 def _unstack(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    aval, axis = aval_of(equation.invars[0]), equation.params.get("axis", 0)
-    places = np.arange(aval.size).reshape(aval.shape)
-    return [lower.at_places(array, part) for part in np.moveaxis(places, axis, 0)]
+    indices = element_indices(aval_of(equation.invars[0]))
+    parts = np.moveaxis(indices, equation.params.get("axis", 0), 0)
+    return [lower.take(array, part) for part in parts]
 
 
 def _iota(lower: Lowering, equation: core.JaxprEqn) -> list[Array]:
-    aval, axis = aval_of(equation.outvars[0]), equation.params["dimension"]
-    own = np.arange(aval.shape[axis]).reshape(
-        [-1 if k == axis else 1 for k in range(len(aval.shape))]
-    )
-    return [lower.constant(np.broadcast_to(own, aval.shape).astype(aval.dtype))]
+    aval = aval_of(equation.outvars[0])
+    numbers = np.indices(aval.shape)[equation.params["dimension"]]
+    return [lower.constant(numbers.astype(aval.dtype))]
 
 
 RULES: dict[str, EquationRule] = {
-    "squeeze": _squeeze,
+    "squeeze": _reshape,
     "reshape": _reshape,
     "expand_dims": _reshape,
     "slice": _slice,

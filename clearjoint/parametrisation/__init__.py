@@ -1,2 +1,2 @@
-"""Numbers of a scene by their places: listing, replacing, scaling and varying them, and the family
-of scenes that parameters span. Nothing here runs anything."""
+"""Numbers of a scene by their paths: list, replace, scale and vary them, and build the family of
+scenes that parameters span. This package runs no simulation."""

@@ -1,4 +1,4 @@
-"""Parameters of a scene that are estimated, and the family of scenes that they span."""
+"""Parameters of a scene that a fit estimates."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,9 +8,10 @@ import numpy as np
 from ..fields.checks import require, require_names
 from ..model.bodies import State
 from ..model.scene import Scene
-from .places import Place, value_at
+from .paths import NumberPath, value_at
 from .scales import AbstractScale, Linear
 from .variations import (
+    AbstractNumber,
     AbstractVariation,
     Change,
     MadeByFunction,
@@ -22,23 +23,23 @@ from .variations import (
 
 @dataclass(frozen=True, init=False)
 class Parameter:
-    """A number of the scene that is estimated, and the scale on which.
+    """A number of the scene that is estimated, and the scale of the estimate.
 
     **Arguments:**
 
-    - `place`: where in the scene it is, such as ``lambda scene: scene.joints["pin"].clearance``. A
-      place that returns several numbers ties them.
-    - `scale`: `Linear()` unless given; `Log()` for what is positive, `Bounded(low, high)` for
-      what is between bounds. Derivatives are with respect to the scale's coordinate.
-    - `value`: that of the scene unless given.
-    - `unit`: a label; that of the place unless given.
+    - `path`: path of the number, such as ``lambda scene: scene.joints["pin"].clearance``. A path
+      that returns several numbers ties them: they share one value.
+    - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
+      numbers between bounds. Derivatives are with respect to the scale's coordinate.
+    - `value`: first guess; by default the value in the scene.
+    - `unit`: a label; by default the unit of the number in the scene.
 
-    `Parameter.initial` takes a place in the initial state, `Parameter.change` a function that makes
-    scene and state of a value, and `Parameter.delay` the names of measured series whose clock is
+    `Parameter.initial` takes a path in the initial state, `Parameter.change` a function that makes
+    scene and state from a value, and `Parameter.delay` the names of measured series whose clock is
     late.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
-    >>> scene, state = cj.double_pendulum(clearance=0.5e-3)
+    >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)
     >>> print(f"{parameter.coordinate_in(scene, state):.4f}")  # log(0.5e-3)
     -7.6009
     """
@@ -49,13 +50,13 @@ class Parameter:
 
     def __init__(
         self,
-        place: Place | AbstractVariation,
+        path: NumberPath | AbstractVariation,
         scale: AbstractScale | None = None,
         *,
         value: float | None = None,
         unit: str | None = None,
     ):
-        variation = place if isinstance(place, AbstractVariation) else SceneNumber(place, unit)
+        variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
         kind = scale if isinstance(scale, type) else type(scale)
         remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
         fine = isinstance(scale, AbstractScale | None)
@@ -66,38 +67,39 @@ class Parameter:
 
     @staticmethod
     def initial(
-        place: Place,
+        path: NumberPath,
         scale: AbstractScale | None = None,
         *,
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """A number of the initial state."""
-        return Parameter(StateNumber(place, unit), scale, value=value)
+        """Return a parameter that is a number of the initial state."""
+        return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod
     def change(
         make: Change, value: float, scale: AbstractScale | None = None, unit: str = "1"
     ) -> "Parameter":
-        """A value from which ``make(scene, state, value)`` makes scene and state."""
+        """Return a parameter from whose value ``make(scene, state, value)`` makes both."""
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
     @staticmethod
     def delay(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
-        """The delay, s, by which the time stamps of measured series are late: a sample at time t is
-        compared with the motion at t - delay. It is for fits, by `identify`, `identify_many` and
-        `minimise`.
+        """Return a parameter that is the delay, s, of the time stamps of measured series.
+
+        A sample at time t is compared with the motion at t - delay. Fits by `identify`,
+        `identify_many` and `minimise` accept delays.
 
         **Arguments:**
 
-        - `series`: names in `Measurements`, at least one; several share one clock.
+        - `series`: names in `Measurements`, at least one; several series share one clock.
         - `value`: first guess, s.
-        - `scale`: `Linear()` unless given; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
+        - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
 
-        A sample that the delay moves to before the start of the run is compared with the initial
-        state: leave such samples out by `Measurements.between`. A delay common to all series can be
-        told from the motion only if the motion depends on more than the time since its start, or if
-        the initial state is known.
+        A sample that the delay moves to a time before the start of the run is compared with the
+        initial state: leave out these samples by `Measurements.between`. A delay common to all
+        series is identifiable only if the initial state is known, or if the motion depends on
+        time itself and not only on the time since its start.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value
@@ -109,15 +111,13 @@ class Parameter:
         return Parameter(SeriesDelay(series), scale, value=value)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """The coordinate of `value`, or if it is ``None`` of the value that stands in the scene.
+        """Return the coordinate of `value`; if that is ``None``, of the value in the scene.
 
         **Raises:** `ValueError` for a value outside the scale.
         """
         value = self.value
-        if value is None and isinstance(self.variation, SceneNumber):
-            value = value_at(scene, self.variation.place)
-        elif value is None and isinstance(self.variation, StateNumber):
-            value = value_at(state, self.variation.place)
+        if value is None and isinstance(self.variation, AbstractNumber):
+            value = value_at(self.variation.tree(scene, state), self.variation.path)
         assert value is not None
         return self.scale.coordinate(value)
 
@@ -126,9 +126,9 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check for a dictionary of parameters by name.
+    """Check that the argument is a dictionary of parameters by name.
 
-    **Raises:** `ValueError` that names the entry.
+    **Raises:** `ValueError` that names the wrong entry.
     """
     require_names("parameters", parameters, PASS_PARAMETERS)
     for name, parameter in parameters.items():
@@ -136,6 +136,11 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
         require(fine, f"parameters[{name!r}]", kind, "a Parameter", PASS_PARAMETERS)
 
 
+def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Return the largest change (p,) of each coordinate in one step of a fit."""
+    return np.array([parameter.scale.max_step for parameter in parameters.values()])
+
+
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Coordinates (p,) of the parameters' values; see `Parameter.coordinate_in`."""
+    """Return the coordinates (p,) of the parameters' values; see `Parameter.coordinate_in`."""
     return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

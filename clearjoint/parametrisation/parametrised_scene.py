@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 
 from ..fields.conversion import with_arrays
 from ..fields.types import ArrayLike
-from ..math.vectors import Structured, structured, unpack
+from ..math.vectors import ConstantFolded, fold_constants, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
 from .parameter import Parameter
@@ -26,19 +26,18 @@ Coordinates = jax.Array | np.ndarray
 class AbstractFamily(eqx.Module):
     """A scene and its initial state as functions of p parameters.
 
-    `values`: (p,) coordinates of the parameters at which the functions and their derivatives are
-    taken.
+    `values`: (p,) coordinates at which the functions and their derivatives are evaluated.
     """
 
     values: eqx.AbstractVar[Coordinates]
 
     @abc.abstractmethod
     def scene(self, values: Coordinates) -> Scene:
-        """The scene at coordinates (p,), in scalar form."""
+        """Return the scene at coordinates (p,), with vectors as separate scalars."""
 
     @abc.abstractmethod
     def start(self, values: Coordinates) -> State:
-        """The initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
 
     def pushed(
         self,
@@ -46,14 +45,14 @@ class AbstractFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """The value of a function and its derivatives along the parameters.
+        """Compute a function and its derivatives with respect to the parameters (forward mode).
 
         **Arguments:**
 
-        - `function`: of the scene and of `primals`. It returns a pair: the value that is
-          differentiated, and an auxiliary result that is not.
-        - `primals`: the function's arguments behind the scene, which may depend on the parameters.
-        - `tangents`: their derivatives along the parameters, (p, ...) each.
+        - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
+          differentiated, and an auxiliary result, which is not.
+        - `primals`: arguments that follow the scene; they may depend on the parameters.
+        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
         """
@@ -74,10 +73,15 @@ class AbstractFamily(eqx.Module):
 
 
 class ParametrisedScene(AbstractFamily):
-    """A scene and its initial state in which `Parameter`s may change numbers.
+    """A scene and its initial state, in which p parameters set or change some of the numbers.
 
-    `base` is what the parameters change; `changes` and `scales` have an entry for each
-    parameter; `patterns` mark the scene's structural zeros and ones (see `structured`).
+    - `values`: (p,) coordinates of the parameters on their scales.
+    - `base`: scene and initial state before any change.
+    - `changes`: for each parameter, a function of scene, state and value that returns the changed
+      scene and state.
+    - `scales`: for each parameter, the map from coordinate to value.
+    - `patterns`: for each leaf of the scene, which components of a vector are folded constants, or
+      ``None``.
     """
 
     values: Coordinates
@@ -87,26 +91,34 @@ class ParametrisedScene(AbstractFamily):
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
-        """The same functions, to be taken at other coordinates (p,)."""
+        """Return a copy with other coordinates (p,) as its `values`."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        """Scene and initial state at coordinates (p,), in packed form, as users build them."""
+        """Return scene and initial state at coordinates (p,).
+
+        They are packed: vectors are arrays (3,), not three scalars.
+        """
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
     def varied(self) -> PyTree[bool]:
-        """Which numbers of the scene depend on the parameters: the scene with a boolean in the
-        place of each leaf."""
+        """Return for each leaf of the scene whether a parameter may change it.
+
+        **Returns:** a PyTree of booleans with the structure of the scene.
+        """
         structure = jax.tree.structure(self.base[0])
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
-            put = {
+            set_value = {
                 number.leaf for setter in setters if setter.in_scene for number in setter.numbers
             }
-            return jax.tree.unflatten(structure, [k in put for k in range(structure.num_leaves)])
+            return jax.tree.unflatten(
+                structure, [k in set_value for k in range(structure.num_leaves)]
+            )
+        # A user's function may change any leaf: a leaf that it changes becomes a tracer.
         is_traced: list[bool] = []
 
         def trace(values: jax.Array) -> jax.Array:
@@ -118,22 +130,22 @@ class ParametrisedScene(AbstractFamily):
         return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
-        """The scene at coordinates (p,), in scalar form, with its structural zeros and ones."""
-        return unpack(Structured(self.scene_and_state(values)[0], self.patterns))
+        """Return the scene at coordinates (p,) in separate scalars, with its folded constants."""
+        return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """The initial state at coordinates (p,), in scalar form."""
+        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
 
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """A scene and its initial state as functions of parameters, to be taken at their coordinates
-    `values`, (p,)."""
+    """Return a scene and its initial state as functions of parameters, at coordinates (p,)."""
     scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
+    # Constants are folded only in leaves that no parameter changes, which a first family tells.
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
-    patterns = structured(scene, family.varied()).patterns
+    patterns = fold_constants(scene, family.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)

@@ -1,4 +1,4 @@
-"""Coordinates in which parameters are estimated: free of bounds, and of about unit size."""
+"""Scales: unbounded coordinates of about unit size, in which parameters are estimated."""
 
 import abc
 import math
@@ -15,10 +15,10 @@ from ..math.vectors import Scalar, library
 
 @dataclass(frozen=True)
 class AbstractScale(abc.ABC):
-    """A map from all real numbers, the coordinates, to the values that a parameter may have.
+    """A map from the real numbers, the coordinates, to the values that a parameter may have.
 
-    `stride`: the farthest that one step of a fit changes the coordinate. The numbers of a scale,
-    unlike a scene's, are constants of the compiled program: other numbers compile anew.
+    `max_step`: largest change of the coordinate in one step of a fit. The numbers of a scale are
+    constants of the compiled program: other numbers cause a recompilation.
 
     ```python
     from dataclasses import dataclass
@@ -26,9 +26,9 @@ class AbstractScale(abc.ABC):
     import clearjoint as cj
 
     @dataclass(frozen=True)
-    class Squared(cj.AbstractScale):
+    class Squared(cj.extend.AbstractScale):
         unit: float = 1.0
-        stride = 1.0
+        max_step = 1.0
 
         def value(self, coordinate):
             return self.unit * coordinate**2
@@ -40,94 +40,95 @@ class AbstractScale(abc.ABC):
     ```
     """
 
-    stride: ClassVar[float]
+    max_step: ClassVar[float]
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """The parameter at a coordinate."""
+        """Return the value of the parameter at a coordinate."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """The coordinate of a parameter.
+        """Return the coordinate of a value.
 
         **Raises:** `ValueError` for a value outside the scale.
         """
 
     def slope(self, coordinate: Scalar) -> np.ndarray:
-        """Derivative of the value to the coordinate, ()."""
+        """Return the derivative of the value with respect to the coordinate, ()."""
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
-    def vague(self, coordinate: float) -> float:
-        """Standard deviation of the coordinate beyond which an estimate says nothing: one, the
-        usual size of coordinates, unless a subclass overrides it."""
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return the standard deviation above which an estimate carries no information.
+
+        The default is 1, the usual size of coordinates.
+        """
         return 1.0
 
-    def called(self, name: str) -> str:
-        """Label of the coordinate of a parameter of this name: the name itself, unless a subclass
-        overrides it."""
+    def label(self, name: str) -> str:
+        """Return the label of the coordinate of a parameter; by default its name."""
         return name
 
 
 @dataclass(frozen=True)
 class Linear(AbstractScale):
-    """Any value: the coordinate in units of `unit`.
+    """Scale of any value: value = unit * coordinate.
 
     >>> cj.Linear(unit=0.5).value(3.0)
     1.5
     """
 
     unit: float = 1.0
-    stride: ClassVar[float] = math.inf
+    max_step: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
         require_positive("unit", self.unit, "give the size of a typical change")
 
     def value(self, coordinate: Scalar) -> Scalar:
-        """The unit times the coordinate."""
+        """Return unit * coordinate."""
         return self.unit * coordinate
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """The value over the unit."""
+        """Return value / unit."""
         return _finite(value) / self.unit
 
-    def vague(self, coordinate: float) -> float:
-        """The unit and the value itself, whichever is larger."""
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return max(1, abs(coordinate))."""
         return max(1.0, abs(float(coordinate)))
 
-    def called(self, name: str) -> str:
-        """The name over the unit, such as "length/0.01"; the name alone if the unit is 1."""
+    def label(self, name: str) -> str:
+        """Return the name divided by the unit, such as "length/0.01"; the name for unit 1."""
         return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
 
 
 @dataclass(frozen=True)
 class Log(AbstractScale):
-    """Positive values: the natural logarithm.
+    """Scale of positive values: value = exp(coordinate).
 
     >>> scale = cj.Log()
     >>> print(f"{scale.coordinate(1.0):.1f}, {scale.value(0.0):.1f}")
     0.0, 1.0
     """
 
-    stride: ClassVar[float] = 1.0
+    max_step: ClassVar[float] = 1.0
 
     def value(self, coordinate: Scalar) -> Scalar:
-        """The exponential of the coordinate."""
+        """Return exp(coordinate)."""
         return library((coordinate,)).exp(coordinate)
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """The natural logarithm of the value."""
+        """Return log(value)."""
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
         return math.log(number)
 
-    def called(self, name: str) -> str:
-        """The name behind "log"."""
+    def label(self, name: str) -> str:
+        """Return "log" and the name."""
         return f"log {name}"
 
 
 @dataclass(frozen=True)
 class Bounded(AbstractScale):
-    """Values between two bounds: the logarithm of the ratio of the distances to them.
+    """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
 
     >>> scale = cj.Bounded(0.0, 1.0)
     >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
@@ -136,7 +137,7 @@ class Bounded(AbstractScale):
 
     low: float
     high: float
-    stride: ClassVar[float] = 1.0
+    max_step: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
         for name in ("low", "high"):
@@ -146,24 +147,23 @@ class Bounded(AbstractScale):
         )
 
     def value(self, coordinate: Scalar) -> Scalar:
-        """low + (high - low)/(1 + exp(-coordinate))."""
+        """Return low + (high - low)/(1 + exp(-coordinate))."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """log((value - low)/(high - value))."""
+        """Return log((value - low)/(high - value))."""
         number = _finite(value)
         inside = self.low < number < self.high
         bounds = f"between {self.low} and {self.high}"
         require(inside, "value", number, bounds, "start inside the bounds, or widen them")
         return math.log((number - self.low) / (self.high - number))
 
-    def vague(self, coordinate: float) -> float:
-        """The standard deviation pi/sqrt(3) that the coordinate of a value has which may lie
-        anywhere between the bounds with equal probability."""
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return pi/sqrt(3), the standard deviation for a value uniform between the bounds."""
         return math.pi / math.sqrt(3.0)
 
-    def called(self, name: str) -> str:
-        """The name behind "logit"."""
+    def label(self, name: str) -> str:
+        """Return "logit" and the name."""
         return f"logit {name}"
 
 

@@ -1,9 +1,13 @@
-"""What a sweep varies and a fit estimates: a number of the scene, one of the initial state, or
-something from which a function makes both."""
+"""Variations: the quantities that a sweep varies and a fit estimates.
+
+A variation is a number of the scene, a number of the initial state, a function that makes both from
+a value, or the delay of a measured series.
+"""
 
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import jax
 from jaxtyping import PyTree
@@ -12,80 +16,91 @@ from ..fields.checks import as_number, require
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.scene import Scene
-from .places import Number, Place, numbers_at, put_numbers, require_fits, unit_at
+from .paths import Number, NumberPath, numbers_at, require_fits, set_values, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
-"""From a scene, its initial state and a value to both with that value in them."""
+"""From a scene, its initial state and a value to the scene and state with that value."""
 
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way of putting a value into scene and state."""
+    """A way to set a value in a scene and its initial state."""
 
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function that says what varies: a place, or one that makes the scene."""
+        """The user's function: the path of a number, or the function that makes the scene."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit of the value."""
+        """Unit of the value."""
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """A function that puts values like the example into scenes and states of the structure of
-        these. Setters of equal variations into like structures are equal.
+        """Return a function that sets values of the shape of `example`.
 
-        **Raises:** `ValueError` for a place that has no numbers, or of another shape.
+        It accepts scenes and states of the same structure as `scene` and `state`. Equal variations
+        return equal setters for equal structures.
+
+        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape.
         """
 
 
 @dataclass(frozen=True)
-class SceneNumber(AbstractVariation):
-    """A number of the scene, or several that are tied, at a `place`."""
+class AbstractNumber(AbstractVariation):
+    """A number, or several tied numbers, at a `path` in the scene or the initial state."""
 
-    place: Place
+    path: NumberPath
     unit: str | None = None
+    example: ClassVar[str]
 
     def __post_init__(self) -> None:
-        _require_function("place", self.place, 'pass lambda scene: scene.joints["pin"].clearance')
+        require(callable(self.path), "path", self.path, "a function", f"pass {self.example}")
+
+    @staticmethod
+    @abc.abstractmethod
+    def tree(scene: Scene, state: State) -> Scene | State:
+        """The tree that contains the number."""
 
     @property
-    def function(self) -> Place:
-        """The place of the number, a function of the tree that it stands in."""
-        return self.place
+    def function(self) -> NumberPath:
+        """The path of the number."""
+        return self.path
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The given unit, or that of the place."""
-        return unit_at(scene, self.place) if self.unit is None else self.unit
+        """The given unit, or else the unit of the number."""
+        return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Puts a value at the place."""
-        return NumberSetter(_fitting(scene, self.place, example), True)
+        """Return a function that sets a value at the path."""
+        tree = self.tree(scene, state)
+        numbers = numbers_at(tree, self.path)
+        require_fits(jax.tree.leaves(tree), numbers, as_number(example))
+        return NumberSetter(tuple(numbers), tree is scene)
 
 
 @dataclass(frozen=True)
-class StateNumber(AbstractVariation):
-    """A number of the initial state, or several that are tied, at a `place`."""
+class SceneNumber(AbstractNumber):
+    """A number of the scene, or several tied numbers."""
 
-    place: Place
-    unit: str | None = None
+    example: ClassVar[str] = 'lambda scene: scene.joints["pin"].clearance'
 
-    def __post_init__(self) -> None:
-        _require_function("place", self.place, 'pass lambda state: state.bodies["arm"].spin[2]')
+    @staticmethod
+    def tree(scene: Scene, state: State) -> Scene:
+        """The scene."""
+        return scene
 
-    @property
-    def function(self) -> Place:
-        """The place of the number, a function of the tree that it stands in."""
-        return self.place
 
-    def unit_in(self, scene: Scene, state: State) -> str:
-        """The given unit, or that of the place."""
-        return unit_at(state, self.place) if self.unit is None else self.unit
+@dataclass(frozen=True)
+class StateNumber(AbstractNumber):
+    """A number of the initial state, or several tied numbers."""
 
-    def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Puts a value at the place."""
-        return NumberSetter(_fitting(state, self.place, example), False)
+    example: ClassVar[str] = 'lambda state: state.bodies["arm"].spin[2]'
+
+    @staticmethod
+    def tree(scene: Scene, state: State) -> State:
+        """The state."""
+        return state
 
 
 @dataclass(frozen=True)
@@ -96,9 +111,8 @@ class MadeByFunction(AbstractVariation):
     unit: str = "1"
 
     def __post_init__(self) -> None:
-        _require_function(
-            "make", self.make, "pass lambda scene, state, value: (scene, state), changed"
-        )
+        remedy = "pass lambda scene, state, value: (scene, state), changed"
+        require(callable(self.make), "make", self.make, "a function", remedy)
 
     @property
     def function(self) -> Change:
@@ -106,25 +120,27 @@ class MadeByFunction(AbstractVariation):
         return self.make
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit that the user gave, whatever the scene."""
+        """The given unit."""
         return self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """`make` itself: it fits every scene."""
+        """Return `make`, which accepts every scene."""
         del scene, state, example
         return self.make
 
 
 @dataclass(frozen=True)
 class SeriesDelay(AbstractVariation):
-    """The delay of the time stamps of measured `series`, named. It is in no scene: only fits, which
-    have measurements, can use it."""
+    """Delay, s, of the time stamps of the measured `series`, given by name.
+
+    It changes no scene: only fits, which have measurements, can use it.
+    """
 
     series: tuple[str, ...]
 
     @property
     def function(self) -> Callable[..., PyTree]:
-        """What leaves the scene as it is."""
+        """A function that leaves the scene unchanged."""
         return unchanged
 
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -132,44 +148,33 @@ class SeriesDelay(AbstractVariation):
         return "s"
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """None.
+        """Raise an error, because a scene has no such number.
 
         **Raises:** `ValueError`.
         """
         del scene, state, example
         series = ", ".join(map(repr, self.series))
         raise ValueError(
-            f"A delay (of series {series}) is no number of a scene: only cj.identify, "
+            f"A delay (of series {series}) is not a number of a scene: only cj.identify, "
             "cj.identify_many and cj.minimise can use it. Leave it out here."
         )
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """The scene and the state themselves, whatever the value."""
+    """Return the scene and the state unchanged."""
     del value
     return scene, state
 
 
 @dataclass(frozen=True)
 class NumberSetter:
-    """Puts a value at numbers of the scene, or of the state; a `Change`."""
+    """A `Change` that sets a value at given numbers of the scene (`in_scene`) or of the state."""
 
     numbers: tuple[Number, ...]
     in_scene: bool
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Scene and state with the value."""
+        """Return scene and state with the value."""
         if self.in_scene:
-            return put_numbers(scene, list(self.numbers), value), state
-        return scene, put_numbers(state, list(self.numbers), value)
-
-
-def _fitting(tree: PyTree, place: Place, example: Scalar) -> tuple[Number, ...]:
-    """The numbers at a place, of the shape of an example."""
-    numbers = numbers_at(tree, place)
-    require_fits(jax.tree.leaves(tree), numbers, as_number(example))
-    return tuple(numbers)
-
-
-def _require_function(argument: str, value: object, remedy: str) -> None:
-    require(callable(value), argument, value, "a function", remedy)
+            return set_values(scene, list(self.numbers), value), state
+        return scene, set_values(state, list(self.numbers), value)

@@ -1,75 +1,74 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws data that is already there (`Observation`, a `Solution`, `Impacts`, a `Fit`, or
-the data set of a sweep) into given matplotlib axes, or into new ones, and returns them; `fitted`,
-`journal_frames` and `report` make figures of their own. None simulates or shows anything, and only
-`animate_journal` and `report` write files. Times are in s, lengths in m and forces in N on the way
-in; the axes show the units that suit them.
+Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
+set of a sweep) into given matplotlib axes or new ones, and returns them; `fitted`, `journal_frames`
+and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
+`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
 
-| of a run | call |
+| of a run | functions |
 |---|---|
-| journal in its clearance circle | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
+| orbit of the journal | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
 | forces over time | `contact_forces`, `joint_forces` |
 | force over penetration | `hysteresis` |
 | free flight, impact, following | `motion_timeline` |
 | directions of contact | `contact_rose` |
 | energies and their drift | `energy_ledger` |
 | motion of any quantity | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
-| all on one page | `report` |
+| report on one page | `report` |
 
-| of a sweep | call |
+| of a sweep | functions |
 |---|---|
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
 | sections over a parameter, or of a lane | `bifurcation`, `poincare_section_of_lane` |
 | orbit and wear of a lane | `orbit`, `wear` |
 
-Curves differ by line style and areas by grey value and hatching too, for print without colours.
+Curves also differ by line style, and areas by grey value and hatching, for print without colours.
 """
 
 from ..fields.readable import without_modules as _without_modules
 from . import style as style
-from .along import rate_series as rate_series
-from .along import series as series
 from .animation import animate_journal as animate_journal
 from .animation import journal_frames as journal_frames
-from .cycle import over_angle as over_angle
-from .cycle import poincare_map as poincare_map
-from .cycle import poincare_section as poincare_section
-from .cycle import poincare_section_of_lane as poincare_section_of_lane
 from .energies import energy_ledger as energy_ledger
 from .fits import correlations as correlations
 from .fits import fitted as fitted
+from .fits import growth as growth
+from .fits import integration_error as integration_error
+from .fits import record_length as record_length
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import contact_forces as contact_forces
+from .forces import enclosed_energy as enclosed_energy
+from .forces import hysteresis as hysteresis
 from .forces import joint_forces as joint_forces
-from .information import record_length as record_length
 from .journal import XY as XY
 from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
 from .journal import eccentricity_vectors as eccentricity_vectors
 from .journal import journal_orbit as journal_orbit
+from .journal import orbit as orbit
 from .journal import orbit_in_contact as orbit_in_contact
-from .lanes import against as against
-from .lanes import running_median as running_median
-from .loops import enclosed_energy as enclosed_energy
-from .loops import hysteresis as hysteresis
-from .maps import parameter_map as parameter_map
 from .motion import acceleration as acceleration
+from .motion import over_angle as over_angle
 from .motion import path as path
 from .motion import position as position
-from .orbits import orbit as orbit
-from .phase_portraits import phase_portrait as phase_portrait
 from .polar import contact_rose as contact_rose
 from .polar import wear as wear
-from .power_laws import convergence as convergence
-from .power_laws import power_law_exponent as power_law_exponent
-from .predictability import growth as growth
-from .predictability import integration_error as integration_error
 from .report_page import report as report
 from .sections import bifurcation as bifurcation
-from .spectra import amplitude_spectrum as amplitude_spectrum
-from .spectra import spectrum as spectrum
-from .spectra import spectrum_of as spectrum_of
+from .sections import poincare_map as poincare_map
+from .sections import poincare_section as poincare_section
+from .sections import poincare_section_of_lane as poincare_section_of_lane
+from .sweeps import against as against
+from .sweeps import convergence as convergence
+from .sweeps import parameter_map as parameter_map
+from .sweeps import power_law_exponent as power_law_exponent
+from .sweeps import running_median as running_median
+from .time_series import amplitude_spectrum as amplitude_spectrum
+from .time_series import phase_portrait as phase_portrait
+from .time_series import rate_series as rate_series
+from .time_series import series as series
+from .time_series import spectrum as spectrum
+from .time_series import spectrum_of as spectrum_of
 from .timelines import ContactPhase as ContactPhase
 from .timelines import contact_phases as contact_phases
 from .timelines import motion_timeline as motion_timeline

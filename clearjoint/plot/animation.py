@@ -1,4 +1,4 @@
-"""Pictures of the journal in its bearing: a sequence of frames, and an animation."""
+"""Frames and animations of the journal in its bearing."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,15 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance as drawn, as a share of the bearing's radius."""
+"""Drawn clearance relative to the bearing's radius."""
 WALL = 0.14
-"""Thickness of the bearing's wall as drawn, likewise."""
+"""Drawn thickness of the bearing's wall relative to its radius."""
 Instants = Sequence[float] | np.ndarray
 
 
@@ -32,20 +32,20 @@ def journal_frames(
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
-    """A sequence of pictures of the journal in its bearing, base V above base W (Fig. 17).
+    """Draw a sequence of pictures of the journal in its bearing, base V above base W.
 
-    The clearance is exaggerated. A journal in contact is dark, one in flight light.
+    The clearance is exaggerated. The journal is dark in contact and light in flight.
 
     **Arguments:**
 
     - `joint`: name of the clearance joint. `clearance`: radial, m.
-    - `instants`: (M,) s; each picture shows the observed instant nearest to it.
-    - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
-    - `columns`: pictures in a line.
+    - `instants`: (M,) s; pictures show the nearest observed instants.
+    - `section`: horizontal and vertical direction; see `plot.eccentricity_vectors`.
+    - `columns`: pictures in a row.
 
     **Returns:** the figure.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -86,16 +86,16 @@ def animate_journal(
 ) -> None:
     """Write an animation of both bases of the journal in the bearing, as a GIF.
 
-    The clearance is exaggerated. A journal in contact is dark, one in flight light.
+    The clearance is exaggerated. The journal is dark in contact and light in flight.
 
     **Arguments:**
 
     - `joint`: name of the clearance joint. `clearance`: radial, m.
-    - `file`: where to write; the name ends in ".gif".
-    - `instants`: (M,) s, one a frame; each shows the observed instant nearest to it.
-    - `section`: what points to the right and upwards; see `plot.eccentricity_vectors`.
+    - `file`: path with the suffix ".gif".
+    - `instants`: (M,) s; frames show the nearest observed instants.
+    - `section`: horizontal and vertical direction; see `plot.eccentricity_vectors`.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -104,17 +104,17 @@ def animate_journal(
     figure = Figure(figsize=(5.0, 2.9))
     pair = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.02, right=0.98, bottom=0.02, top=0.8, wspace=0.05)
-    clock = figure.suptitle("", fontsize=11)
-    shows = []
+    time_text = figure.suptitle("", fontsize=11)
+    pictures = []
     for axes, base in zip(pair, BASES, strict=True):
         axes.set_axis_off()
         axes.set_title(f"base {base}", fontsize=10)
-        shows.append((Picture(axes), *_drawn(observation, joint, base, clearance, section)))
+        pictures.append((Picture(axes), *_drawn(observation, joint, base, clearance, section)))
 
     def draw(index: int) -> list[Artist]:
-        for picture, offsets, touching in shows:
+        for picture, offsets, touching in pictures:
             picture.show(offsets[index], touching[index])
-        clock.set_text(f"{observation.times[index] * 1e3:.1f} ms")
+        time_text.set_text(f"{observation.times[index] * 1e3:.1f} ms")
         return []
 
     frames = _nearest(observation.times, instants)
@@ -123,7 +123,7 @@ def animate_journal(
 
 
 class Picture:
-    """A journal in its bearing, to be moved about."""
+    """A picture of a movable journal in its bearing."""
 
     def __init__(self, axes: Axes):
         axes.add_patch(Annulus((0.0, 0.0), 1.0 + WALL, WALL, facecolor=GREY, edgecolor="none"))
@@ -135,7 +135,7 @@ class Picture:
         axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
 
     def show(self, offset: np.ndarray, touching: bool) -> None:
-        """Move the journal to an offset, (2,) in bearing radii, and show whether it touches."""
+        """Move the journal to an offset, (2,) in bearing radii, and colour it by its contact."""
         self._journal.set_center((float(offset[0]), float(offset[1])))
         self._journal.set_facecolor(DARK if touching else LIGHT)
         self._centre.set_data(offset[:1], offset[1:])
@@ -149,7 +149,7 @@ def _drawn(
     clearance: float,
     section: CrossSection | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets as drawn, (N, 2) in bearing radii, and whether the base touches, (N,)."""
+    """Drawn offsets, (N, 2) in bearing radii, and whether the base touches, (N,)."""
     vectors = eccentricity_vectors(observation, joint, base, section)
     touching = observation.contacts[joint][base].penetration > 0.0
     return vectors * (DRAWN_GAP / clearance), touching

@@ -4,16 +4,16 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from ..simulation.observe import Observation
-from .labels import fitting_unit, time_unit
-from .style import DARK, TimeSpan, dress, lines, show
+from ..simulation.results.observe import Observation
+from .labels import fitting_unit, time_axis
+from .style import DARK, TimeSpan, draw_lines, dress, legend_above
 
 STORED = {
     "kinetic": ("kinetic",),
     "potential, 0 at the start": ("gravity",),
     "elastic": ("springs", "contacts", "bristles"),
 }
-"""Energies of an observation, by what the legend calls them."""
+"""Names of energies of an observation, by their label in the legend."""
 DISSIPATED = ("normal damping", "friction", "film", "stabilisation")
 SUPPLIED = "supplied"
 
@@ -24,23 +24,23 @@ def energy_ledger(
     window: TimeSpan | None = None,
     axes: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Where the energy is and goes, over time, and below what the ledger does not account for.
+    """Draw the energy ledger over time, and its drift below.
 
-    Kinetic energy, potential energy of gravity since the first instant, elastic energy (springs,
-    contacts, bristles), and since the start what was dissipated (normal damping, friction, films,
-    stabilisation) and what drivers and loads have worked. Below, the drift: by how much the first
-    three, with what was dissipated and without the work, differ from their sum at the start. Where
-    the run kept no ledger, below is by how much the mechanical energy has changed.
+    The curves are kinetic energy, potential energy of gravity relative to the first instant,
+    elastic energy (springs, contacts, bristles), dissipated energy since the start (normal damping,
+    friction, films, stabilisation) and work of drivers and loads since the start. The drift is the
+    change of the sum of stored and dissipated energy minus work. For a run without ledger, the
+    change of the mechanical energy is drawn instead.
 
     **Arguments:**
 
     - `observation`: of a run with `Settings(ledger=True)`.
-    - `window`: instants between which to draw, s; the whole observation unless given.
-    - `axes`: two, unless new ones are to be made.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: two axes; new ones by default.
 
-    **Returns:** the axes, (2,); time in ms or s, energies in J, mJ or so.
+    **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> settings, save = cj.Settings(ledger=True), cj.Saving(np.linspace(0, 0.02, 2001))
     >>> solution = cj.simulate(scene, state, 0.02, settings, save, progress=False)
     >>> above, below = plot.energy_ledger(cj.observe(scene, solution))
@@ -51,62 +51,47 @@ def energy_ledger(
         looks = {"sharex": True, "height_ratios": (2.2, 1.0), "figsize": (6.4, 5.2)}
         axes = np.asarray(plt.subplots(2, 1, layout="constrained", **looks)[1])
     above, below = axes
-    times = np.asarray(observation.times)
-    faster, _ = time_unit(times, window)
-    span = None if window is None else (faster * window[0], faster * window[1])
-    during = show(above, times * faster, span)
-    curves = {name: values[during] for name, values in _curves(observation).items()}
+    mask, times, _ = time_axis(above, observation.times, window)
+    curves = {name: values[mask] for name, values in _curves(observation).items()}
     factor, unit = fitting_unit(np.concatenate(list(curves.values())), "J")
-    for (label, values), (colour, style) in zip(curves.items(), lines(), strict=False):
-        look = {"color": colour, "linestyle": style, "linewidth": 1.8}
-        above.plot(times[during] * faster, values * factor, label=label, **look)
+    draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
     above.margins(x=0.0)
-    above.legend(
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        handlelength=3.0,
-        ncols=min(len(curves), 3),
-        frameon=False,
-    )
+    legend_above(above, min(len(curves), 3), handlelength=3.0)
     dress(above, "", f"energy, {unit}")
-    _drift(observation, during, window, below)
+    _draw_drift(observation, window, below)
     return axes
 
 
 def _curves(observation: Observation) -> dict[str, np.ndarray]:
     energies = observation.energies
     curves = {label: _sum(observation, names) for label, names in STORED.items()}
-    found = {label: values for label, values in curves.items() if values is not None}
-    if "potential, 0 at the start" in found:
-        found["potential, 0 at the start"] = energies["gravity"] - energies["gravity"][0]
+    known = {label: values for label, values in curves.items() if values is not None}
+    if "potential, 0 at the start" in known:
+        known["potential, 0 at the start"] = energies["gravity"] - energies["gravity"][0]
     if (dissipated := _sum(observation, DISSIPATED)) is not None:
-        found["dissipated"] = dissipated
+        known["dissipated"] = dissipated
     if SUPPLIED in energies:
-        found["work of drivers and loads"] = np.asarray(energies[SUPPLIED])
-    return found
+        known["work of drivers and loads"] = np.asarray(energies[SUPPLIED])
+    return known
 
 
 def _sum(observation: Observation, names: tuple[str, ...]) -> np.ndarray | None:
     energies = observation.energies
-    there = [np.asarray(energies[name]) for name in names if name in energies]
-    return np.sum(there, axis=0) if there else None
+    known = [np.asarray(energies[name]) for name in names if name in energies]
+    return np.sum(known, axis=0) if known else None
 
 
-def _drift(
-    observation: Observation, during: np.ndarray, window: TimeSpan | None, axes: Axes
-) -> None:
-    times = np.asarray(observation.times)
-    faster, time = time_unit(times, window)
-    kept = any(name in observation.energies for name in (*DISSIPATED, SUPPLIED))
-    drift = np.asarray(observation.ledger_residual())[during]
+def _draw_drift(observation: Observation, window: TimeSpan | None, axes: Axes) -> None:
+    mask, times, time_label = time_axis(axes, observation.times, window)
+    has_ledger = any(name in observation.energies for name in (*DISSIPATED, SUPPLIED))
+    drift = np.asarray(observation.ledger_residual())[mask]
     factor, unit = fitting_unit(drift, "J")
-    show(axes, times * faster, None if window is None else (faster * window[0], faster * window[1]))
-    axes.plot(times[during] * faster, drift * factor, color=DARK, linewidth=1.0)
+    axes.plot(times, drift * factor, color=DARK, linewidth=1.0)
     axes.margins(x=0.0)
-    turned = max(np.ptp(values) for values in _curves(observation).values())
-    if kept and turned > 0.0:
-        share = np.abs(drift).max(initial=0.0) / turned
+    largest_change = max(np.ptp(values) for values in _curves(observation).values())
+    if has_ledger and largest_change > 0.0:
+        share = np.abs(drift).max(initial=0.0) / largest_change
         text = f"at most {share:.1g} of the largest change above"
         axes.set_title(text, fontsize="small", loc="right")
-    label = "drift" if kept else "mechanical,\nsince start"
-    dress(axes, f"time, {time}", f"{label}, {unit}")
+    label = "drift" if has_ledger else "mechanical,\nsince start"
+    dress(axes, time_label, f"{label}, {unit}")

@@ -1,4 +1,4 @@
-"""Figures of a fit."""
+"""Figures of fits, of what data identify, and of how long a run can be fitted."""
 
 from collections.abc import Collection
 from functools import cached_property
@@ -11,32 +11,35 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
+from ..information.analysis import Identifiability
+from ..information.error_growth import DISTURBANCE
+from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from .labels import scaled
-from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, dress
+from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
 LETTER = 0.08
-"""Width of a letter of a name, inches."""
+"""Width of a letter, inches."""
 ROW = 1.9
-"""Height of a series with its residuals, inches."""
+"""Height of a panel, inches."""
 
 
 class FittedModel(Protocol):
-    """What is drawn of a fit, such as `clearjoint.Fit`."""
+    """The properties of `clearjoint.results.Fit` that figures show."""
 
     @property
     def measurements(self) -> Measurements:
-        """What was fitted."""
+        """Measured series."""
         ...
 
     @property
     def parameters(self) -> Collection[str]:
-        """The parameters' names, in the order of `correlation`."""
+        """Names of the parameters, in the order of `correlation`."""
         ...
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """The fitted run at the times of each series, (N,), SI."""
+        """Fitted values of each series, (N,), SI."""
         ...
 
     @cached_property
@@ -51,9 +54,9 @@ class FittedModel(Protocol):
 
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
-    """Each series with its fit, and the residuals in units of the noise below.
+    """Draw each series with its fit, and below the residuals in units of the noise.
 
-    **Arguments:** `series`: names of those to draw; all unless given.
+    **Arguments:** `series`: names of the series; by default all.
 
     **Returns:** the axes, (2, number of series), of a new figure.
 
@@ -70,8 +73,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """
     names = list(fit.measurements.series) if series is None else list(series)
     known = list(fit.measurements.series)
-    fine = bool(names) and set(names) <= set(known)
-    require(fine, "series", names, "names of series", f"choose from {', '.join(known)}")
+    is_valid = bool(names) and set(names) <= set(known)
+    require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
     columns = min(2, len(names))
     blocks = -(-len(names) // columns)
     figure, grid = plt.subplots(
@@ -112,7 +115,9 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Correlations of the estimates, as numbers on colours.
+    """Draw the correlations of the estimates as a matrix of coloured numbers.
+
+    **Returns:** the axes.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -126,8 +131,8 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     >>> axes = plot.correlations(fit)
     """
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
-    beside = LETTER * max(map(len, names), default=0)
-    width, height = 1.0 + 1.0 * len(names) + beside, 0.9 + 0.9 * len(names) + 0.5 * beside
+    label_width = LETTER * max(map(len, names), default=0)
+    width, height = 1.0 + 1.0 * len(names) + label_width, 0.9 + 0.9 * len(names) + 0.5 * label_width
     axes = axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
@@ -137,3 +142,125 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     axes.set_yticks(range(len(names)), names)
     axes.figure.colorbar(image, ax=axes, label="correlation of the estimates")
     return axes
+
+
+def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
+    """Draw lower bounds of the parameters' standard deviations over the length of the record.
+
+    Each parameter has a line; all are estimated together. Deviations are in the coordinates of the
+    scales, for `Log` relative errors. Lines are thin and faint where a parameter is not
+    identifiable.
+
+    **Arguments:** `report`: from `identifiability`; `report.of(...)` for a single sensor.
+
+    **Returns:** the axes; time in ms, deviations logarithmic.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
+    >>> axes = plot.record_length(report)
+    """
+    axes = axes_or_new(axes)
+    times, deviations = report.times * 1e3, report.over_time()
+    for k, (name, (colour, style)) in enumerate(zip(report.names, lines(), strict=False)):
+        finite = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
+        identifiable = np.where(finite <= report.limits[k], finite, np.nan)
+        axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
+        label = shown(report.scales[k].label(name))
+        axes.plot(times, identifiable, color=colour, linestyle=style, linewidth=2, label=label)
+    for k, limit in enumerate(np.unique(report.limits)):
+        label = "not identifiable above" if k == 0 else None
+        axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", label=label)
+    axes.set_yscale("log")
+    axes.legend(frameon=False)
+    return dress(axes, "length of the record, ms", "standard deviation")
+
+
+def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
+    """Draw how far small changes of parameters and of the initial velocity displace the bodies.
+
+    Displacements are drawn over time, per unit of each parameter's coordinate and per m/s of
+    initial velocity. Vertical lines are the times beyond which a fit by a single run fails.
+
+    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
+
+    **Returns:** the axes; time in ms, displacements in m, logarithmic.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.fit_horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> axes = plot.growth(limits)
+    """
+    axes = axes_or_new(axes)
+    times = horizon.times * 1e3
+    labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
+    # A logarithmic axis has no zero: displacements of zero, as at the start, are gaps.
+    growth = np.where(horizon.growth > 0.0, horizon.growth, np.nan)
+    draw_lines(
+        axes, ((label, times, column) for label, column in zip(labels, growth.T, strict=True))
+    )
+    _mark_limits(horizon, axes)
+    axes.set_yscale("log")
+    axes.legend(frameon=False, title="displacement per unit of", loc="lower right")
+    return dress(axes, "time, ms", "displacement, m")
+
+
+def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
+    """Draw the errors of a run's values and derivatives over time.
+
+    Errors of values are in units of the noise, errors of derivatives are relative; both are bounds.
+    Vertical lines are the times beyond which a fit by a single run fails.
+
+    **Arguments:** `horizon`: from `clearjoint.fit_horizon`; `axes`: by default those of a new
+    figure.
+
+    **Returns:** the axes; time in ms, errors on a logarithmic scale.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.fit_horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> axes = plot.integration_error(limits)
+    """
+    axes = axes_or_new(axes)
+    errors = {
+        "error of the run over the noise": horizon.error,
+        "relative error of derivatives": horizon.derivative_error,
+    }
+    times = horizon.times * 1e3  # ms
+    # A logarithmic axis has no zero: errors of zero, as at the start, are gaps.
+    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in errors.items()))
+    _mark_limits(horizon, axes)
+    axes.set_yscale("log")
+    axes.legend(frameon=False, loc="lower right")
+    return dress(axes, "time, ms", "error")
+
+
+def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
+    limits = {
+        "guesses fail": (horizon.convergence, DARK),
+        "integration fails": (horizon.numerical, GREY),
+    }
+    for label, (time, colour) in limits.items():
+        if np.isfinite(time):
+            axes.axvline(1e3 * time, color=colour, linewidth=1.0, linestyle="--")
+            axes.annotate(
+                label,
+                (1e3 * time, 0.98),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                rotation=90,
+                ha="right",
+                va="top",
+                color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            )

@@ -1,21 +1,23 @@
-"""Forces of impacts over time, and with the penetrations below them."""
+"""Normal forces of contacts, over time and over the penetration."""
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import Observation
 from . import observed
-from .labels import fitting_unit, time_unit
-from .style import TimeSpan, axes_or_new, dress, inside, lines, show
+from .labels import fitting_unit, time_axis, time_unit
+from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
 
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
-"""Largest value over the median of the contacts' peaks, or over the value that is exceeded for half
-of the time in contact, from which on an axis is logarithmic."""
+"""Ratio of the largest value to the median of the peaks, and to the value that is exceeded for half
+of the time in contact, above which an axis is logarithmic."""
 FEWEST_PEAKS = 3
 DECADES = 4.0
-"""Of a logarithmic axis, at most."""
+"""Largest range of a logarithmic axis."""
 
 
 def contact_and_reaction(
@@ -26,40 +28,38 @@ def contact_and_reaction(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Normal force of a contact and magnitude of an ideal joint's reaction over time (Fig. 13a).
+    """Draw the normal force of a contact and the magnitude of an ideal joint's reaction over time.
 
     **Arguments:**
 
     - `observation`: at instants that resolve the impact.
     - `contact`: names of the clearance joint and of the contact in it, such as a base.
     - `reaction`: names of the ideal joint and of the body on which its force acts.
-    - `window`: instants between which to draw, s; the whole observation unless given.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, forces in N or kN.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
     axes = axes_or_new(axes)
-    inside_span = inside(observation.times, window)
-    force = observed.contact(observation, *contact).normal_force[inside_span]
-    load = np.linalg.norm(observed.reaction(observation, *reaction).force[inside_span], axis=1)
+    in_window = inside(observation.times, window)
+    force = observed.contact(observation, *contact).normal_force[in_window]
+    load = np.linalg.norm(observed.reaction(observation, *reaction).force[in_window], axis=1)
     largest = np.array([force.max(), load.max()])
-    (factor, unit), (faster, time) = (
-        fitting_unit(largest, "N"),
-        time_unit(observation.times, window),
-    )
-    times = observation.times[inside_span] * faster
+    factor, unit = fitting_unit(largest, "N")
+    time_factor, time = time_unit(observation.times, window)
+    times = observation.times[in_window] * time_factor
     peaks = [f"{peak * factor:.4g} {unit}" for peak in largest]
     curves = {
-        f"contact force at {shown(_called(contact[1]))}: peak {peaks[0]}": force,
+        f"contact force at {shown(_label(contact[1]))}: peak {peaks[0]}": force,
         f"reaction at the {shown(reaction[0])}: peak {peaks[1]}": load,
     }
-    for (label, values), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(times, values * factor, color=colour, linestyle=style, linewidth=2, label=label)
+    draw_lines(axes, ((label, times, values * factor) for label, values in curves.items()), 2.0)
     axes.set_ylim(0.0, 1.3 * factor * largest.max())
     axes.legend(loc="upper center", frameon=False)
     return dress(axes, f"time, {time}", f"force, {unit}")
@@ -73,31 +73,32 @@ def contact_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Normal forces of all contacts of a joint over time.
+    """Draw the normal forces of all contacts of a joint over time.
 
-    Contacts with the same force, such as both bases in planar motion, are one curve.
+    Contacts with the same force, such as both bases in planar motion, share one curve.
 
     **Arguments:**
 
     - `observation`: along every accepted step, or at instants that resolve the impacts.
     - `joint`: name of the clearance joint.
-    - `window`: instants between which to draw, s; the whole observation unless given.
-    - `logarithmic`: whether forces are on a logarithmic axis, on which free flight is below what is
-      shown; unless given, where one peak is so much larger than the others that these could not be
-      seen.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
+      default it is logarithmic if one peak is so large that the other forces would be invisible on
+      a linear axis.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
-    forces = {_called(name): one.normal_force for name, one in contacts.items()}
+    forces = {_label(name): one.normal_force for name, one in contacts.items()}
     axes = axes_or_new(axes)
-    return _over_time(observation.times, forces, ("normal force", "N"), window, logarithmic, axes)
+    return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
 def joint_forces(
@@ -107,7 +108,7 @@ def joint_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Largest normal force among the contacts of each joint, over time, for all joints with play.
+    """Draw the largest normal force of each clearance joint over time.
 
     **Arguments:** `observation`, `window`, `logarithmic`: as of `contact_forces`.
 
@@ -115,7 +116,7 @@ def joint_forces(
 
     **Raises:** `ValueError` for a scene without contacts.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -127,38 +128,33 @@ def joint_forces(
         for name, family in observation.contacts.items()
     }
     axes = axes_or_new(axes)
-    return _over_time(observation.times, forces, ("normal force", "N"), window, logarithmic, axes)
+    return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
-def _called(contact: str) -> str:
+def _label(contact: str) -> str:
     return f"base {contact}" if contact in BASES else contact
 
 
 def _over_time(
     times: np.ndarray,
-    curves: dict[str, np.ndarray],
-    quantity: tuple[str, str],
+    forces: dict[str, np.ndarray],
     window: TimeSpan | None,
     logarithmic: bool | None,
     axes: Axes,
 ) -> Axes:
-    """Curves of a quantity, by name and SI unit, that is never negative."""
-    faster, time = time_unit(times, window)
-    span = None if window is None else (faster * window[0], faster * window[1])
-    inside_span = show(axes, times * faster, span)
-    drawn = observed.without_twins(
-        {name: np.asarray(values)[inside_span] for name, values in curves.items()}
+    """Draw forces, N, by name."""
+    mask, drawn_times, time_label = time_axis(axes, times, window)
+    curves = observed.without_twins(
+        {name: np.asarray(values)[mask] for name, values in forces.items()}
     )
-    factor, unit = fitting_unit(np.concatenate([values for _, values in drawn]), quantity[1])
-    for k, ((label, values), (colour, style)) in enumerate(zip(drawn, lines(), strict=False)):
-        look = {"color": colour, "linestyle": style, "linewidth": 1.8 if k == 0 else 1.0}
-        axes.plot(times[inside_span] * faster, values * factor, label=label, **look)
+    factor, unit = fitting_unit(np.concatenate([values for _, values in curves]), "N")
+    draw_lines(axes, ((label, drawn_times, values * factor) for label, values in curves), 1.0)
+    axes.get_lines()[-len(curves)].set_linewidth(1.8)  # the first one may lie below others
     axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
-    _rescale(axes, times[inside_span], [values for _, values in drawn], factor, logarithmic)
-    columns = min(len(drawn), 4)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
-    return dress(axes, f"time, {time}", f"{quantity[0]}, {unit}")
+    _rescale(axes, times[mask], [values for _, values in curves], factor, logarithmic)
+    legend_above(axes, min(len(curves), 4))
+    return dress(axes, time_label, f"normal force, {unit}")
 
 
 def _rescale(
@@ -168,7 +164,7 @@ def _rescale(
     factor: float,
     logarithmic: bool | None,
 ) -> None:
-    """Make the axis of values logarithmic if that is wanted, or suits them."""
+    """Make the axis of forces logarithmic if requested, or if small forces are invisible else."""
     peaks = np.concatenate([_peaks(values) for values in curves])
     if len(peaks) == 0 or logarithmic is False:
         return
@@ -176,16 +172,86 @@ def _rescale(
     values = np.concatenate(curves)
     order = np.argsort(values)
     order = order[values[order] > 0.0]
+    # The median over time of the forces in contact.
     usual = values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights[order].sum())]
     largest = peaks.max()
-    squeezed = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
-    if logarithmic or squeezed or largest > OVER_USUAL_VALUE * usual:
+    has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
+    if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
         lowest = np.clip(0.3 * min(peaks.min(), usual), largest * 10.0**-DECADES, 0.03 * largest)
         axes.set_yscale("log")
         axes.set_ylim(factor * lowest, 1.5 * factor * largest)
 
 
 def _peaks(values: np.ndarray) -> np.ndarray:
-    """The largest value of each stretch of positive ones."""
+    """The largest value of each interval of positive ones."""
     ends = np.flatnonzero(np.diff(np.pad(values > 0.0, 1).astype(int)))
     return np.array([values[first:last].max() for first, last in ends.reshape(-1, 2)])
+
+
+def hysteresis(
+    observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
+) -> Axes:
+    """Draw the normal force over the penetration for the first impacts of one contact.
+
+    The area inside a loop is the dissipated energy; the legend gives it.
+
+    **Arguments:**
+
+    - `observation`: at instants that resolve the impacts, such as every accepted step.
+    - `impacts`: those of one contact, from `Impacts.of`.
+    - `count`: number of loops.
+
+    **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
+
+    **Raises:** `ValueError` without impacts, and for fewer than three instants in one.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
+    """
+    remedy = "take another contact, or a longer run"
+    require(len(impacts) > 0, "impacts", len(impacts), "at least one impact", remedy)
+    axes = axes_or_new(axes)
+    loops = [_loop(observation, impacts, k) for k in range(min(count, len(impacts)))]
+    energies = [float(np.trapezoid(force, depth)) for depth, force in loops]
+    depth_factor, depth_unit = fitting_unit(np.concatenate([depth for depth, _ in loops]), "m")
+    force_factor, force_unit = fitting_unit(np.concatenate([force for _, force in loops]), "N")
+    curves = []
+    for k, (depth, force) in enumerate(loops):
+        factor, unit = fitting_unit(np.array(energies[k]), "J")
+        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms"
+        label = f"{label}: {energies[k] * factor:.3g} {unit}"
+        curves.append((label, depth * depth_factor, force * force_factor))
+    draw_lines(axes, curves, 2.0)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="upper left", frameon=False)
+    return dress(axes, f"penetration, {depth_unit}", f"contact force, {force_unit}")
+
+
+def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
+    """Return the energy that one impact dissipates, J: the area inside its hysteresis loop.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
+    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
+    >>> observed = cj.observe(scene, solution)
+    >>> impacts = solution.impacts.of("shoulder", "V")
+    >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
+    True
+    """
+    depth, force = _loop(observation, impacts, index)
+    return float(np.trapezoid(force, depth))
+
+
+def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Penetration (m) and force (N) from onset to separation, with zeros at both ends."""
+    contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
+    in_impact = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
+    remedy = "observe every step: cj.observe(scene, solution, solution.steps)"
+    samples = int(in_impact.sum())
+    require(samples >= 3, "observation", samples, "of three or more instants in the impact", remedy)
+    depth = np.maximum(contact.penetration[in_impact], 0.0)
+    return np.pad(depth, 1), np.pad(contact.normal_force[in_impact], 1)

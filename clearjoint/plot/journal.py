@@ -3,21 +3,23 @@
 from collections.abc import Mapping
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..fields.types import ArrayLike
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from .labels import fitting_unit, time_unit
 from .observed import contact, contacts, without_twins
-from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, lines
+from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
+from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
-"""Two perpendicular unit vectors by their labels: the first points to the right in a figure, the
-second upwards. (3,) each in global axes, or (N, 3) for a bearing that moves."""
+"""Two perpendicular unit vectors by their labels: the horizontal and the vertical direction of a
+figure. (3,) each in global axes, or (N, 3) for a moving bearing."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is Z.
 
@@ -25,12 +27,11 @@ XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 (1.0, 0.0, 0.0)
 """
 WIDTHS = 1.6, 0.9
-"""Of the lines of both bases: the second may lie on the first for a while."""
+"""Widths of the lines of both bases: the second may partly cover the first."""
 PRESSED = 0.05
-"""Largest difference of eccentricity and clearance, over the clearance, of which the difference is
-drawn."""
-OWN = ("the bearing's x", "the bearing's y")
-"""What points to the right and upwards in the bearing's own cross-section."""
+"""Largest difference of eccentricity and clearance, relative to the clearance, for which the
+difference is drawn instead of the eccentricity."""
+BEARING_AXES = ("the bearing's x", "the bearing's y")
 SMALLEST_IN_MILLIMETRES = 0.2e-3
 """Clearances below this one, m, are drawn in micrometres."""
 
@@ -43,22 +44,22 @@ def eccentricities(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Magnitude of the eccentricity of both bases over time (Fig. 16).
+    """Draw the magnitude of the eccentricity of both bases over time.
 
-    Bases that move alike are one curve. Of a journal that stays at the wall, the difference of
-    eccentricity and clearance is drawn, since its eccentricity can't be told from the clearance.
+    Bases that move alike share one curve. For a journal that stays at the wall, the difference of
+    eccentricity and clearance is drawn.
 
     **Arguments:**
 
     - `observation`: as of `journal_orbit`.
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m, drawn as the line above which a base touches the wall; that of the
-      joint as observed unless given.
-    - `window`: instants between which to draw, s; the whole observation unless given.
+    - `clearance`: radial, m, drawn as a line; above it a base touches the wall. By default that of
+      the observed joint.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
@@ -66,52 +67,51 @@ def eccentricities(
     axes = axes_or_new(axes)
     radius = _radius(observation, joint, clearance)
     factor, unit = length_unit(radius)
-    inside_span = inside(observation.times, window)
+    in_window = inside(observation.times, window)
     sizes = without_twins(
         {
-            f"base {base}": np.asarray(contact(observation, joint, base).eccentricity)[inside_span]
+            f"base {base}": np.asarray(contact(observation, joint, base).eccentricity)[in_window]
             for base in BASES
         }
     )
-    away = np.concatenate([size for _, size in sizes]) - radius
+    differences = np.concatenate([size for _, size in sizes]) - radius
     zero, quantity = 0.0, "eccentricity"
-    if bool((np.abs(away) <= PRESSED * radius).all()):
+    if bool((np.abs(differences) <= PRESSED * radius).all()):
         zero, quantity = radius, "eccentricity − clearance"
-        factor, unit = fitting_unit(away, "m")
-    faster, time = time_unit(observation.times[inside_span])
-    times = observation.times[inside_span] * faster
-    for (label, size), (colour, style) in zip(sizes, lines(), strict=False):
-        look = {"color": colour, "linestyle": style, "linewidth": 1.5}
-        axes.plot(times, (size - zero) * factor, label=label, **look)
+        factor, unit = fitting_unit(differences, "m")
+    time_factor, time = time_unit(observation.times[in_window])
+    times = observation.times[in_window] * time_factor
+    draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
     level = (radius - zero) * factor
     axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
     if zero == 0.0:
         axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    legend_above(axes, 3)
     return dress(axes, f"time, {time}", f"{quantity}, {unit}")
 
 
 def eccentricity_vectors(
     observation: Observation, joint: str, base: str, section: CrossSection | None = None
 ) -> np.ndarray:
-    """Vector from the bearing's axis to a base, in the bearing's cross-section, (N, 2) m.
+    """Return the vector from the bearing's axis to a base, in the bearing's cross-section, (N, 2)
+    m.
 
-    **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, global, by
-    their labels: (3,) each, or (N, 3) for a bearing that moves. The bearing's own x and y, which
-    move with it, unless given; those of a bearing whose axis is its body's z are the body's.
+    **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, in global
+    axes, by their labels: (3,) each, or (N, 3) for a moving bearing. By default the x and y of the
+    bearing, which move with it; if the bearing's axis is the z of its body, those of the body.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape
     (2001, 2)
     """
-    seen = contact(observation, joint, base)
+    observed = contact(observation, joint, base)
     if section is None:
-        return np.asarray(seen.offset)[:, :2]
-    vectors = seen.normal * np.asarray(seen.eccentricity)[:, None]
+        return np.asarray(observed.offset)[:, :2]
+    vectors = observed.normal * np.asarray(observed.eccentricity)[:, None]
     components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
     return np.stack(components, axis=1)
 
@@ -125,22 +125,22 @@ def journal_orbit(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Paths of both bases' centres in the bearing's cross-section, within the clearance circle.
+    """Draw the paths of both bases' centres across the bearing, with the clearance circle.
 
-    Bases that move alike are one path. Paths join what was observed by straight lines: of accepted
-    steps, which are long in free flight, take ``solution.steps.between()``, as below.
+    Bases that move alike share one path. Observed points are joined by straight lines. Accepted
+    steps are long in free flight: observe ``solution.steps.between()`` instead, as below.
 
     **Arguments:**
 
     - `observation`: along ``solution.steps.between()``, or at instants that resolve free flights.
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m; that of the joint as observed unless given.
-    - `section`: what points to the right and upwards; see `eccentricity_vectors`.
-    - `window`: instants between which to draw, s; the whole observation unless given.
+    - `clearance`: radial, m; by default that of the observed joint.
+    - `section`: horizontal and vertical direction; see `eccentricity_vectors`.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
 
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
@@ -148,16 +148,15 @@ def journal_orbit(
     axes = axes_or_new(axes, (4.8, 5.0))
     radius = _radius(observation, joint, clearance)
     factor, _ = length_unit(radius)
-    inside_span = inside(observation.times, window)
+    in_window = inside(observation.times, window)
     paths = {
-        f"base {base}": eccentricity_vectors(observation, joint, base, section)[inside_span]
+        f"base {base}": eccentricity_vectors(observation, joint, base, section)[in_window]
         for base in BASES
     }
-    looks = zip(lines(), WIDTHS, strict=False)
-    for (label, orbit), look in zip(without_twins(paths), looks, strict=False):
-        (colour, style), width = look
-        look = {"color": colour, "linestyle": style, "linewidth": width}
-        axes.plot(*(orbit * factor).T, label=label, **look)
+    curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
+    draw_lines(axes, curves)
+    for line, width in zip(axes.get_lines()[-len(curves) :], WIDTHS, strict=False):
+        line.set_linewidth(width)
     return _dress_orbit(axes, radius, section)
 
 
@@ -171,32 +170,33 @@ def orbit_in_contact(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Path of one base's centre in the bearing's cross-section, dark and thick where it touches.
+    """Draw the path of one base's centre in the bearing's cross-section, dark and thick in contact.
 
     **Arguments:** as `journal_orbit`, and the name of the `base`.
 
     **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
     >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
-    inside_span = inside(observation.times, window)
-    orbit = eccentricity_vectors(observation, joint, base, section)[inside_span]
+    in_window = inside(observation.times, window)
+    orbit = eccentricity_vectors(observation, joint, base, section)[in_window]
     radius = _radius(observation, joint, clearance)
     orbit = orbit * length_unit(radius)[0]
-    touching = contact(observation, joint, base).penetration[inside_span] > 0.0
-    pressed = np.where(touching[:, None], orbit, np.nan)
+    touching = contact(observation, joint, base).penetration[in_window] > 0.0
+    in_contact = np.where(touching[:, None], orbit, np.nan)
     axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
-    axes.plot(*pressed.T, color=DARK, linewidth=1.8, label="in contact")
+    axes.plot(*in_contact.T, color=DARK, linewidth=1.8, label="in contact")
     return _dress_orbit(axes, radius, section)
 
 
 def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
-    """Draw the circle on which a base touches the wall, for a radial clearance in m; the axes, now
-    of equal scale, are in mm, or in another unit by its `factor` from m.
+    """Draw the circle on which a base touches the wall, and set equal scales.
+
+    **Arguments:** `clearance`: radial, m; `factor`: from m to the unit of the axes, mm by default.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
@@ -209,21 +209,20 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """The factor from m to the unit that suits a clearance, in m, and that unit: mm or µm."""
+    """Return the factor from m to the unit for a clearance in m, and that unit: mm or µm."""
     return (1e3, "mm") if clearance >= SMALLEST_IN_MILLIMETRES else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
-    """Radial clearance of a joint, m: by how much the eccentricity is larger than the penetration.
+    """Return the radial clearance of a joint, m: the eccentricity minus the penetration.
 
     **Raises:** `ValueError` for a joint without a journal.
     """
-    seen = contacts(observation, joint)
-    bases = [one for one in seen.values() if one.eccentricity is not None]
+    bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
     journals = [
         name
         for name, family in observation.contacts.items()
-        if any(one.eccentricity is not None for one in family.values())
+        if any(contact.eccentricity is not None for contact in family.values())
     ]
     require(len(bases) > 0, "joint", joint, f"one with a journal, of {journals}", "name one")
     return float(np.median(np.asarray(bases[0].eccentricity) - bases[0].penetration))
@@ -236,8 +235,51 @@ def _radius(observation: Observation, joint: str, clearance: float | None) -> fl
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
     factor, unit = length_unit(clearance)
     clearance_circle(axes, clearance, factor=factor)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    legend_above(axes, 3)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    right, up = OWN if section is None else map(shown, section)
+    right, up = BEARING_AXES if section is None else map(shown, section)
     return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")
+
+
+def orbit(
+    lane: xr.Dataset,
+    saved: str,
+    clearance: float,
+    *,
+    channels: tuple[str, str] = ("x", "y"),
+    window: TimeSpan | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw the path of the journal's centre, or of a base, of one lane in the clearance circle.
+
+    **Arguments:**
+
+    - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `saved`: name of the `Saved` whose `channels` are the horizontal and vertical offset, m, such
+      as those of `quantities.JournalOffset`.
+    - `clearance`: radial, m.
+    - `window`: start and end of the drawn time, s; by default all saved times.
+
+    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance. A dot marks
+    the beginning.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
+    >>> channels = {"x": (x, "m"), "y": (y, "m")}
+    >>> saved = cj.Saved(np.linspace(0.0, 0.02, 201), channels)
+    >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [0.5e-3])
+    >>> axes = {"clearance": clearance}
+    >>> found = cj.sweep(scene, state, 0.02, axes, {"path": saved}, progress=False)
+    >>> drawn = plot.orbit(found.isel(clearance=0), "path", 0.5e-3)
+    """
+    names = [f"{saved}_{channel}" for channel in channels]
+    require_names(lane, (*names, f"{saved}_time"))
+    axes = axes_or_new(axes, (4.8, 5.0))
+    in_window = inside(lane[f"{saved}_time"].values, window)
+    factor, unit = length_unit(clearance)
+    x, y = (lane[name].values[in_window] * factor for name in names)
+    axes.plot(x, y, color=BLUE, linewidth=0.8)
+    axes.plot(x[:1], y[:1], "o", color="black", markersize=4)
+    clearance_circle(axes, clearance, factor=factor)
+    return dress(axes, *(f"{shown(channel)}, {unit}" for channel in channels))

@@ -1,4 +1,4 @@
-"""Labels, units and scales of the axes, from what a sweep's data set says of its numbers."""
+"""Labels, units and scales of axes."""
 
 from typing import NamedTuple
 
@@ -10,29 +10,30 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodF
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from .style import TimeSpan
+from .style import TimeSpan, show
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
-"""Units that take a prefix, also in front of a quotient: mm/s."""
+"""Units that take a prefix, also as the numerator of a quotient: mm/s."""
 LARGEST = {"m": 0, "s": 0, "rad": 0}
-"""Of these, units that take no prefix above such a power of ten: kilometres help nobody."""
+"""Highest power of ten of the prefixes of some units: kilometres and kiloseconds are not used."""
 LAST_IN_MILLISECONDS = 2.0
-"""Times before this one, s, are shown in ms."""
+"""Times up to this one, s, are shown in ms."""
 SMALLEST_IN_KILONEWTONS = 1e4
-"""Forces from this one on, N, are shown in kN by pictures of single runs."""
+"""Forces from this one on, N, are shown in kN in figures of single runs."""
 LOGARITHMIC = 12.0
-"""Largest over smallest value from which on an axis is logarithmic."""
+"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
 GEOMETRIC = 1e-6
-"""Largest relative difference of the ratios of neighbouring values in a geometric series."""
+"""Largest relative difference of the ratios in a geometric series."""
 FEW_TICKS = 5.0
-"""Largest over smallest value up to which ticks of a logarithmic axis are at equal distances."""
+"""Ratio of the largest to the smallest value up to which ticks of a logarithmic axis are equally
+spaced."""
 MANY_DECADES = 500.0
-"""Likewise, from which on ticks are powers of ten."""
+"""The same ratio, above which ticks are powers of ten."""
 
 
 class ScaledValues(NamedTuple):
-    """Numbers to draw: `values` are those of the data set times `factor`; `label` has the unit."""
+    """Numbers to draw: `values` are the data times `factor`; `label` has name and unit."""
 
     values: np.ndarray
     label: str
@@ -40,12 +41,12 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
-    """A variable's values with the SI prefix that brings the largest between 1 and 1000.
+    """Scale a variable by the SI prefix that brings its largest value between 1 and 1000.
 
-    **Arguments:** `present`: label of an axis on which other values of the same unit are drawn
-    already: its prefix is used, and the new label has both names.
+    **Arguments:** `present`: label of axes that already show values of the same unit: its prefix is
+    used, and the new label has both names.
 
-    **Raises:** `ValueError` if that axis is in another unit.
+    **Raises:** `ValueError` if those axes have another unit.
     """
     values = np.asarray(data.values, dtype=float)
     si = data.attrs.get("units", "1")
@@ -59,35 +60,32 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 
 def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """From an axis' label: its names, the power of ten of its unit's prefix, and the unit."""
+    """Names, power of ten of the unit's prefix, and unit of an axis label."""
     text = unit.replace("^2", "²").replace("^3", "³")
     if text == "1":
         return label, 0, text
-    names, _, there = label.rpartition(", ")
+    names, _, prefixed = label.rpartition(", ")
     exponents = {PREFIXES[exponent] + text: exponent for exponent in PREFIXES}
-    expected, remedy = f"of an axis whose unit is that of {label!r}", "draw it into axes of its own"
-    require(there in exponents, "axes", unit, expected, remedy)
-    return names, exponents[there], there
+    expected, remedy = f"of an axis with the unit of {label!r}", "draw it into new axes"
+    require(prefixed in exponents, "axes", unit, expected, remedy)
+    return names, exponents[prefixed], prefixed
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
-    """Label of an output of a sweep in a legend: its name, and the values at which other axes of
-    the sweep have been selected."""
-    places = [c for name, c in dataset.coords.items() if c.ndim == 0 and name != axis]
-    texts = [_at(place) for place in places]
-    return ", ".join([shown(variable.replace("_", " ")), *texts])
-
-
-def _at(place: xr.DataArray) -> str:
-    """A coordinate's name, value and unit."""
-    label, value = scaled(place).label, float(scaled(place).values)
-    has_unit = place.attrs.get("units", "1") != "1"
-    name, _, unit = label.rpartition(", ") if has_unit else (label, "", "")
-    return f"{name} {value:.4g} {unit}".strip()
+    """Return the legend text of an output of a sweep: its name, and the selected values of other
+    axes of the sweep."""
+    texts = [shown(variable.replace("_", " "))]
+    for name, coordinate in dataset.coords.items():
+        if coordinate.ndim == 0 and name != axis:
+            value, label, _ = scaled(coordinate)
+            has_unit = coordinate.attrs.get("units", "1") != "1"
+            title, _, unit = label.rpartition(", ") if has_unit else (label, "", "")
+            texts.append(f"{title} {float(value):.4g} {unit}".strip())
+    return ", ".join(texts)
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """The factor from an SI unit to one whose prefix suits the values, and that unit: forces are in
+    """Return the factor from an SI unit to one with a suitable prefix, and that unit. Forces are in
     N below 10 kN, else in kN."""
     if unit == "N":
         largest = np.abs(values).max(initial=0.0)
@@ -97,15 +95,27 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """The factor from s to the unit that suits an axis over times, or over a window of them, and
-    that unit: ms for what is over in two seconds."""
-    shown = times if window is None else window
-    last = np.abs(np.asarray(shown, dtype=float)).max(initial=0.0)
+    """Return the factor from s to the unit of an axis over times, or over a window of them, and
+    that unit: ms up to 2 s, else s."""
+    last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < LAST_IN_MILLISECONDS else (1.0, "s")
 
 
+def time_axis(
+    axes: Axes, times: np.ndarray, window: TimeSpan | None
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Limit axes over time to a window, if one is given.
+
+    **Returns:** (N,) mask of the times to draw, these times in the unit of the axis, and its label.
+    """
+    factor, unit = time_unit(times, window)
+    scaled_window = None if window is None else (factor * window[0], factor * window[1])
+    mask = show(axes, np.asarray(times) * factor, scaled_window)
+    return mask, np.asarray(times)[mask] * factor, f"time, {unit}"
+
+
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """The power of ten of the prefix that suits values in a unit, and the unit with the prefix."""
+    """The power of ten of a suitable prefix, and the unit with that prefix."""
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
@@ -117,8 +127,8 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Whether values are positive and spread over more than a decade; or, of a swept parameter,
-    positive and a geometric series."""
+    """Whether values are positive and spread over more than a decade, or, for a swept parameter,
+    are positive and form a geometric series."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
@@ -127,20 +137,20 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def _is_geometric(values: np.ndarray) -> bool:
-    """Whether positive values are spaced by one ratio, and not by one difference."""
-    places = np.unique(values)
-    if len(places) < 3:
+    """Whether positive values have equal ratios and unequal differences."""
+    distinct = np.unique(values)
+    if len(distinct) < 3:
         return False
-    ratios, steps = np.diff(np.log(places)), np.diff(places)
+    ratios, steps = np.diff(np.log(distinct)), np.diff(distinct)
     equal = np.ptp(ratios) <= GEOMETRIC * ratios.mean()
     return bool(equal and np.ptp(steps) > GEOMETRIC * steps.mean())
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Make each axis logarithmic if that suits its values, with ticks in plain numbers, or linear
-    if some of them are not positive.
+    """Choose logarithmic axes with ticks in plain numbers where values suit, and linear ones where
+    some value is not positive.
 
-    **Arguments:** `swept`: the axes of swept parameters, "x", "y" or "xy".
+    **Arguments:** `swept`: the axes with swept parameters, "x", "y" or "xy".
     """
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
@@ -152,8 +162,8 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Ticks at 1, 2, 5 times powers of ten in plain numbers, unless there are too many decades; at
-    equal distances where that would be too few."""
+    """Set ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, in plain numbers: at equal
+    distances for a small range, only at powers of ten for many decades."""
     finite = values[np.isfinite(values)]
     if finite.max() < MANY_DECADES * finite.min():
         few = finite.max() <= FEW_TICKS * finite.min()

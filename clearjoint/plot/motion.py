@@ -1,17 +1,19 @@
-"""Motion of a body's centre of mass, several runs side by side."""
+"""Motion of bodies, and curves over the angle of a shaft, for several runs in one figure."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.observe import Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Trajectory
 from .observed import acceleration_of, centre_of
-from .style import TimeSpan, axes_or_new, dress, inside, lines, show
+from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show
 
+Curve = tuple[np.ndarray, np.ndarray]
 COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
 
 
@@ -23,17 +25,17 @@ def position(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """One coordinate of a body's centre of mass over time (Fig. 14a).
+    """Draw one coordinate of a body's centre of mass over time.
 
     **Arguments:**
 
-    - `trajectories`: of each run, by its label; later ones are drawn over earlier ones.
+    - `trajectories`: of each run, by label; later ones cover earlier ones.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: instants between which to draw, s; all there are unless given.
+    - `window`: start and end of the drawn time, s; by default all times.
 
     **Returns:** the axes; time in s, position in m.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -55,26 +57,26 @@ def acceleration(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """One component of the acceleration of a body's centre of mass over time (Fig. 14b).
+    """Draw one component of the acceleration of a body's centre of mass over time.
 
     **Arguments:**
 
-    - `observations`: of each run, by its label; along every accepted step, so that no peak is
-      missed. Later ones are drawn over earlier ones.
+    - `observations`: of each run, by label, along every accepted step so that no peak is missed;
+      later ones cover earlier ones.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: instants between which to draw, s; all there are unless given.
+    - `window`: start and end of the drawn time, s; by default all times.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
     curves = {
-        label: (seen.times, acceleration_of(seen, body)[:, _number(component)])
-        for label, seen in observations.items()
+        label: (observation.times, acceleration_of(observation, body)[:, _number(component)])
+        for label, observation in observations.items()
     }
     return dress(
         _over_time(curves, axes, window, width=1.0),
@@ -91,17 +93,17 @@ def path(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Path of a body's centre of mass, projected on a plane of the global frame (Fig. 15).
+    """Draw the path of a body's centre of mass, projected on a plane of the global frame.
 
     **Arguments:**
 
-    - `trajectories`: of each run, by its label; later ones are drawn over earlier ones.
-    - `plane`: the coordinates to the right and upwards, of "X", "Y" and "Z".
-    - `window`: instants between which to draw, s; the whole trajectories unless given.
+    - `trajectories`: of each run, by label; later ones cover earlier ones.
+    - `plane`: horizontal and vertical coordinate, of "X", "Y" and "Z".
+    - `window`: start and end of the drawn time, s; by default the whole trajectories.
 
-    **Returns:** the axes, of equal scale; positions in m. A dot marks the beginning.
+    **Returns:** the axes, of equal scale; positions in m. A dot marks the start.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -111,17 +113,38 @@ def path(
     right, up = map(_number, plane)
     for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
         centre = centre_of(trajectory, body)[inside(np.asarray(trajectory.times), window)]
-        axes.plot(
-            centre[:, right],
-            centre[:, up],
-            color=colour,
-            linestyle=style,
-            linewidth=1.3,
-            label=label,
-        )
+        look = {"color": colour, "linestyle": style, "linewidth": 1.3}
+        axes.plot(centre[:, right], centre[:, up], label=label, **look)
         axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
     return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
+
+
+def over_angle(
+    curves: Mapping[str, Curve],
+    quantity: str,
+    *,
+    shaft: str = "crank",
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw curves over the angle of a shaft.
+
+    **Arguments:**
+
+    - `curves`: angles (N,) in rad and values (N,), by label; later ones cover earlier ones.
+    - `quantity`: label of the values, with unit. `shaft`: name of the shaft.
+
+    **Returns:** the axes; angle in degrees, ticks at quarter turns.
+
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
+    >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
+    """
+    axes = axes_or_new(axes)
+    draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
+    for angles, _ in curves.values():
+        axes.set_xlim(np.degrees(angles[0]), np.degrees(angles[-1]))
+    axes.xaxis.set_major_locator(MultipleLocator(90.0))
+    return dress(axes, f"{shaft} angle, °", quantity)
 
 
 def _over_time(
@@ -131,11 +154,12 @@ def _over_time(
     width: float = 1.5,
 ) -> Axes:
     axes = axes_or_new(axes)
-    for (label, (times, values)), (colour, style) in zip(curves.items(), lines(), strict=False):
-        now = show(axes, np.asarray(times), window)
-        look = {"color": colour, "linestyle": style, "linewidth": width}
-        axes.plot(np.asarray(times)[now], values[now], label=label, **look)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(curves), frameon=False)
+    drawn = []
+    for label, (times, values) in curves.items():
+        mask = show(axes, np.asarray(times), window)
+        drawn.append((label, np.asarray(times)[mask], values[mask]))
+    draw_lines(axes, drawn, width)
+    legend_above(axes, len(curves))
     return axes
 
 

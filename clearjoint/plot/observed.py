@@ -1,4 +1,4 @@
-"""Contacts, reactions and bodies of an observation by name, with an error for a wrong one."""
+"""Look up contacts, reactions and bodies of an observation by name."""
 
 from collections.abc import Collection, Mapping
 
@@ -6,24 +6,24 @@ import numpy as np
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.observe import ContactObservation, Load, Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import ContactObservation, Load, Observation
+from ..simulation.results.solution import Trajectory
 
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
-"""Differences up to which curves lie on each other, over their values and over the largest one."""
+"""Relative differences up to which curves count as equal: to their values, and to the largest."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Observations of all contacts of a joint, by the contact's name.
+    """Observations of all contacts of a joint, by name.
 
-    **Raises:** `ValueError` that lists what there is.
+    **Raises:** `ValueError` that lists the known names.
     """
     _require_known("joint", joint, observation.contacts)
     return observation.contacts[joint]
 
 
 def require_contacts(observation: Observation) -> None:
-    """Check that a scene has contacts."""
+    """Check that an observation has contacts."""
     names, remedy = list(observation.contacts), "give a joint some clearance"
     require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
 
@@ -31,7 +31,7 @@ def require_contacts(observation: Observation) -> None:
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
     """Observations of one contact of a joint.
 
-    **Raises:** `ValueError` that lists what there is.
+    **Raises:** `ValueError` that lists the known names.
     """
     by_name = contacts(observation, joint)
     _require_known("contact", label, by_name)
@@ -41,7 +41,7 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 def reaction(observation: Observation, joint: str, body: str) -> Load:
     """Force and moment of an ideal joint on a body.
 
-    **Raises:** `ValueError` that lists what there is.
+    **Raises:** `ValueError` that lists the known names.
     """
     _require_known("joint", joint, observation.reactions)
     _require_known("body", body, observation.reactions[joint])
@@ -51,7 +51,7 @@ def reaction(observation: Observation, joint: str, body: str) -> Load:
 def acceleration_of(observation: Observation, body: str) -> np.ndarray:
     """Acceleration of a body's centre of mass, (N, 3) global, m/s^2.
 
-    **Raises:** `ValueError` that lists what there is.
+    **Raises:** `ValueError` that lists the known names.
     """
     _require_known("body", body, observation.accelerations)
     return np.asarray(observation.accelerations[body].linear)
@@ -60,25 +60,28 @@ def acceleration_of(observation: Observation, body: str) -> np.ndarray:
 def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
     """A body's centre of mass, (N, 3) global, m.
 
-    **Raises:** `ValueError` that lists what there is.
+    **Raises:** `ValueError` that lists the known names.
     """
     _require_known("body", body, trajectory.states.bodies)
     return np.asarray(trajectory.states.bodies[body].position)
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Curves with their labels, by names: those that lie on each other are one, with both names in
-    its label. In planar motion both bases of a journal do the same."""
+    """Join equal curves into one with both names in its label. In planar motion both bases of a
+    journal move alike.
+
+    **Returns:** labels and curves.
+    """
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
-    found: list[tuple[list[str], np.ndarray]] = []
+    distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():
-        for names, first in found:
+        for names, first in distinct:
             if np.allclose(values, first, rtol=ALIKE, atol=ALIKE_OF_LARGEST * scale):
                 names.append(label)
                 break
         else:
-            found.append(([label], values))
-    return [(_joined(names), values) for names, values in found]
+            distinct.append(([label], values))
+    return [(_joined(names), values) for names, values in distinct]
 
 
 def _joined(names: list[str]) -> str:

@@ -1,4 +1,4 @@
-"""Around the bearing: directions of contact, and wear."""
+"""Polar bars around a bearing: directions of contact, and wear."""
 
 from typing import Literal
 
@@ -10,20 +10,20 @@ from matplotlib.ticker import MaxNLocator
 
 from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import BASES
-from ..simulation.observe import Observation
+from ..model.clearance_joints.journal_bases import BASES
+from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .labels import fitting_unit
 from .observed import contact, without_twins
-from .outcomes import require_names
-from .style import BLUE, DARK, LIGHT, VERMILLION, polar_or_new
+from .style import BLUE, DARK, LIGHT, VERMILLION, legend_above, polar_or_new
+from .sweeps import require_names
 
 Weight = Literal["impulse", "force"]
-LOOKS = (
+BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
 )
-"""Of base V and base W: apart by grey value and hatching."""
+"""Styles of base V and base W, which differ by grey value and hatching."""
 
 
 def contact_rose(
@@ -35,49 +35,48 @@ def contact_rose(
     section: CrossSection | None = None,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Where around its bearing a journal presses, and how much, in polar bars.
+    """Draw the directions and strength of a journal's contacts as polar bars.
 
     **Arguments:**
 
     - `observation`: along every accepted step, or at instants that resolve the impacts.
     - `joint`: name of the clearance joint.
-    - `weight`: "impulse", the time integral of the normal force in each sector, base W upon base
-      V; or "force", the largest normal force there of each base. Bases that press alike are one:
-      with the sum of their impulses, or the force of each.
-    - `sectors`: their number; the first one begins at what points to the right.
-    - `section`: what points to the right and upwards; see `eccentricity_vectors`.
-    - `axes`: polar ones.
+    - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
+      on base V; or "force", the largest normal force of each base in each sector. Bases with equal
+      forces share their bars, which show the sum of the impulses, or the force of one base.
+    - `sectors`: number of sectors; the first one begins at the horizontal direction.
+    - `section`: horizontal and vertical direction; see `eccentricity_vectors`.
+    - `axes`: polar axes.
 
-    **Returns:** the axes; impulses in N s, mN s or so, forces in N or kN.
+    **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
 
-    **Raises:** `ValueError` for a joint without a journal, another weight, and axes that are not
+    **Raises:** `ValueError` for a joint without a journal, an unknown weight, and axes that are not
     polar.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
-    observed_clearance(observation, joint)
-    fine, remedy = weight in ("impulse", "force"), "name one of them"
-    require(fine, "weight", weight, "'impulse' or 'force'", remedy)
+    observed_clearance(observation, joint)  # checks that the joint has a journal
+    is_valid, remedy = weight in ("impulse", "force"), "name one of them"
+    require(is_valid, "weight", weight, "'impulse' or 'force'", remedy)
     require_count("sectors", sectors, "give a number of sectors")
     weights = {
         f"base {base}": _weights(observation, joint, base, weight, sectors, section)
         for base in BASES
     }
     axes = polar_or_new(axes)
-    alike = dict(without_twins(weights))
+    distinct = dict(without_twins(weights))
     if weight == "force":
-        _bars(alike, ("largest normal force", "N"), False, axes)
+        _bars(distinct, ("largest normal force", "N"), False, axes)
     else:
-        shared = len(weights) / len(alike)
-        summed = {label: shared * sizes for label, sizes in alike.items()}
+        shared = len(weights) / len(distinct)
+        summed = {label: shared * sizes for label, sizes in distinct.items()}
         _bars(summed, ("impulse", "N s"), True, axes)
     if section is not None:
-        right, up = section
-        axes.set_xticklabels(_named(axes, shown(right), shown(up)))
+        axes.set_xticklabels(_named(axes, *map(shown, section)))
     return axes
 
 
@@ -89,34 +88,37 @@ def _weights(
     sectors: int,
     section: CrossSection | None,
 ) -> np.ndarray:
-    """Impulse, N s, or largest force, N, in each sector."""
+    """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
+
+    **Returns:** (sectors,), in the order of the angle of the eccentricity.
+    """
     x, y = eccentricity_vectors(observation, joint, base, section).T
-    turn = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
-    sector = np.minimum((turn * sectors).astype(int), sectors - 1)
-    force, found = np.asarray(contact(observation, joint, base).normal_force), np.zeros(sectors)
+    angle = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # in full turns
+    sector = np.minimum((angle * sectors).astype(int), sectors - 1)
+    force, weights = np.asarray(contact(observation, joint, base).normal_force), np.zeros(sectors)
     if weight == "force":
-        np.maximum.at(found, sector, force)
+        np.maximum.at(weights, sector, force)
     else:
+        # Trapezoidal rule: each instant has half of the interval before it and after it.
         halves = 0.5 * np.diff(observation.times)
-        np.add.at(found, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
-    return found
+        np.add.at(weights, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
+    return weights
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
-    """Volumes worn off a bearing's wall around it, base W upon base V, in polar bars.
+    """Draw the worn volumes around a bearing's wall as polar bars, with base W stacked on base V.
 
     **Arguments:**
 
     - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `output`: name of its `ArchardWear`.
-    - `axes`: polar ones.
+    - `output`: name of the `ArchardWear`.
+    - `axes`: polar axes.
 
     **Returns:** the axes; angle from the x of the bearing's frame, volumes in mm³ or µm³.
 
-    **Raises:** `ValueError` for names that the sweep has not, several lanes, and axes that are not
-    polar.
+    **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
     >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
     >>> axes = {"clearance": clearance}
@@ -131,21 +133,29 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
 
 
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
-    """The volumes of a base's sectors, m^3, in their order."""
+    """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
+
+    **Arguments:** `name`: the variables of `lane` are "<name> 1", "<name> 2" and so on.
+
+    **Raises:** `ValueError` for a dataset with several lanes.
+    """
     names, k = [], 1
     while f"{name} {k}" in lane:
         names.append(f"{name} {k}")
         k += 1
     remedy = "select one: dataset.isel(...)"
-    shapes = {lane[one].shape for one in names}
+    shapes = {lane[name].shape for name in names}
     require(shapes == {()}, "lane", lane[names[0]].dims, "a single lane", remedy)
-    return np.array([float(lane[one]) for one in names])
+    return np.array([float(lane[name]) for name in names])
 
 
 def _bars(
     weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
 ) -> None:
-    """Bars for each sector and base, and their scale; on each other or before each other."""
+    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale.
+
+    **Arguments:** `weights`: (sectors,) by label of the base; `quantity`: name and SI unit.
+    """
     sectors = len(next(iter(weights.values())))
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
     tops = (
@@ -153,10 +163,10 @@ def _bars(
     )
     factor, unit = _fitting(tops, quantity[1])
     bottom = np.zeros(sectors)
-    for (label, sizes), look in zip(weights.items(), LOOKS, strict=False):
-        drawn = sizes * factor
-        axes.bar(middles, drawn, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
-        bottom = bottom + drawn if stacked else bottom
+    for (label, sizes), look in zip(weights.items(), BAR_STYLES, strict=False):
+        heights = sizes * factor
+        axes.bar(middles, heights, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
+        bottom = bottom + heights if stacked else bottom
     top = 1.08 * factor * tops.max(initial=0.0)
     if top > 0.0:
         axes.set_ylim(0.0, top)
@@ -164,35 +174,39 @@ def _bars(
     axes.tick_params(axis="x", pad=5)
     axes.set_rlabel_position(_emptiest(middles, tops))
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False)
+    legend_above(axes, 2, height=1.08)
     axes.set_xlabel(f"{quantity[0]}, {unit}")
     axes.set_xticklabels(_named(axes, "x", "y"))
 
 
 def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
-    """The angle, in degrees, between two lines of the grid, about which bars are smallest."""
+    """Return the angle, degrees, midway between two grid lines, around which bars are smallest."""
     angles = 22.5 + 45.0 * np.arange(8)
-    apart = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
-    return float(angles[np.argmin(np.where(np.abs(apart) < 22.5, tops, 0.0).sum(axis=1))])
+    distance = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
+    return float(angles[np.argmin(np.where(np.abs(distance) < 22.5, tops, 0.0).sum(axis=1))])
 
 
 def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
-    """Labels of the angles: the directions' names at a right angle, degrees elsewhere."""
+    """Return the labels of the angular ticks of polar axes, in degrees.
+
+    The labels of 0° and 90° also contain the names of these directions, `right` and `up`, such as
+    "x, 0°" and "y, 90°".
+    """
     names = {0: right, 90: up}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
     return [f"{names[angle]}, {angle}°" if angle in names else f"{angle}°" for angle in degrees]
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Factor to, and text of, the unit that suits values; volumes in mm³ or µm³."""
+    """Return a factor to a suitable unit, and the name of this unit.
+
+    Volumes, given in m^3, are shown in mm³, µm³ or a power of ten of µm³.
+    """
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)
     if largest >= 1e-12:
         return 1e9, "mm³"
     power = max(3 * int(np.floor(np.log10(max(largest, 1e-18) * 1e18) / 3)), 0)
-    return 10.0 ** (18 - power), "µm³" if power == 0 else f"10{_raised(power)} µm³"
-
-
-def _raised(number: int) -> str:
-    return str(number).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    exponent = str(power).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return 10.0 ** (18 - power), "µm³" if power == 0 else f"10{exponent} µm³"

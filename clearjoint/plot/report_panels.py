@@ -1,4 +1,4 @@
-"""The rows of a report: each draws into its part of the page."""
+"""Rows of the page of a report."""
 
 import numpy as np
 import xarray as xr
@@ -7,88 +7,85 @@ from matplotlib.figure import SubFigure
 from matplotlib.transforms import ScaledTranslation
 
 from ..fields.drawn_text import shown
-from ..model.plays.journal_bases import HasJournal
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..simulation.observe import Observation
-from ..simulation.solution import Trajectory
+from ..simulation.results.observe import Observation
+from ..simulation.results.solution import Trajectory
 from .energies import energy_ledger
 from .forces import contact_forces, joint_forces
 from .journal import journal_orbit
 from .labels import time_unit
 from .polar import contact_rose
 from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells
-from .spectra import is_even, spectrum_of
-from .style import GREY, dress, hide_legend, lines
+from .style import GREY, draw_lines, dress
+from .time_series import is_even, spectrum_of
 from .timelines import motion_timeline
 
 MOST_ORBITS = 2
 WIDTH = 7.4
-"""Inches, between the margins of the page."""
+"""Width between the margins of the page, inches."""
 LETTER = 0.066
-"""Width of a letter of a table, inches: of bold ones a little more than the usual."""
+"""Width of a letter in a table, inches; a little more than that of bold text."""
 LINE_LENGTH = 125
 """Characters in a line of the page."""
 TITLE = 26
-"""Characters of a name above a panel."""
+"""Characters of a name in the title of a panel."""
 LINE = 0.145
 """Height of a line of text, inches."""
 THINNER = 0.6
-"""Width of a line on the page, over that of a line in a figure of its own."""
+"""Line widths on the page relative to those of single figures."""
 MANY = 5000
-"""Points from which on a line is pixels in a PDF."""
-HARDLY = 0.02
-"""Largest movement of a centre, over the size of the mechanism, of which no path is drawn."""
+"""Points from which on a curve is rasterised in a PDF."""
+SMALL_MOTION = 0.02
+"""Largest motion of a centre, relative to the size of the mechanism, without a drawn path."""
 NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
-JOINT_PLACES = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
-IMPACT_PLACES = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
+JOINT_POSITIONS = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
+IMPACT_POSITIONS = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
 
 
-def draw_words(row: SubFigure, words: list[str], joints: list[Cells]) -> None:
-    """The scene and the run in words, above a table of joints."""
+def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> None:
+    """Write a description of scene and run above a table of joints."""
     axes = row.add_subplot()
-    for line, text in enumerate(words):
+    for line, text in enumerate(lines):
         _write(axes, 0.0, line, shown(text, LINE_LENGTH))
-    _table(axes, JOINT_COLUMNS, joints, JOINT_PLACES, len(words) + 0.5)
+    _table(axes, JOINT_COLUMNS, joints, JOINT_POSITIONS, len(lines) + 0.5)
 
 
 def draw_impacts(row: SubFigure, impacts: list[Cells]) -> None:
-    """A table of impacts."""
+    """Write a table of impacts."""
     axes = row.add_subplot()
     _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
-    _table(axes, IMPACT_COLUMNS, impacts, IMPACT_PLACES, 1.2)
+    _table(axes, IMPACT_COLUMNS, impacts, IMPACT_POSITIONS, 1.2)
 
 
 def _table(
     axes: Axes,
     head: Cells,
     rows: list[Cells],
-    places: tuple[float, ...],
+    positions: tuple[float, ...],
     first: float,
 ) -> None:
-    """A table from a line of the axes on, its columns at shares of the width; a rule below the
-    head."""
+    """Write a table from the line `first` on, with a rule below the head.
+
+    **Arguments:** `positions`: left ends of the columns, as fractions of the width.
+    """
     axes.set_axis_off()
-    rooms = [int(WIDTH * wide / LETTER) for wide in np.diff([*places, 1.0])]
-    for place, cell in zip(places, head, strict=True):
-        _write(axes, place, first, cell, weight="bold")
+    lengths = [int(WIDTH * width / LETTER) for width in np.diff([*positions, 1.0])]
+    for position, cell in zip(positions, head, strict=True):
+        _write(axes, position, first, cell, weight="bold")
     for line, row in enumerate(rows):
-        for place, room, cell in zip(places, rooms, row, strict=False):
-            _write(axes, place, first + 1.3 + line, shown(cell, room))
-    _rule(axes, first + 1.1)
+        for position, length, cell in zip(positions, lengths, row, strict=False):
+            _write(axes, position, first + 1.3 + line, shown(cell, length))
+    shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)
+    transform = axes.transAxes + shift
+    axes.plot([0, 1], [1, 1], color=GREY, linewidth=0.6, transform=transform, clip_on=False)
 
 
-def _rule(axes: Axes, line: float) -> None:
-    """A rule across the axes, so many lines from the top."""
-    lower = ScaledTranslation(0.0, -LINE * line, axes.figure.dpi_scale_trans)
-    where = axes.transAxes + lower
-    axes.plot([0.0, 1.0], [1.0, 1.0], color=GREY, linewidth=0.6, transform=where, clip_on=False)
-
-
-def _write(axes: Axes, place: float, line: float, text: str, weight: str = "normal") -> None:
-    """Text at a share of the width, so many lines from the top."""
+def _write(axes: Axes, position: float, line: float, text: str, weight: str = "normal") -> None:
+    """Write text at a fraction of the width, `line` lines below the top."""
     axes.annotate(
         text,
-        (place, 1.0),
+        (position, 1.0),
         (0.0, -72.0 * LINE * line),
         xycoords="axes fraction",
         textcoords="offset points",
@@ -98,44 +95,46 @@ def _write(axes: Axes, place: float, line: float, text: str, weight: str = "norm
     )
 
 
-def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, seen: Observation) -> None:
-    """Orbits of the journals that are pressed hardest, and where the first one is pressed; or the
-    paths of the bodies."""
+def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
+    """Draw the orbits of the journals with the largest forces, and the contact directions of the
+    first one; without journals, the paths of the bodies."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
         return
-    hardest = sorted(journals, key=lambda name: -_peak(seen, name))[:MOST_ORBITS]
+    hardest = sorted(journals, key=lambda name: -_peak(observed, name))[:MOST_ORBITS]
     grid = row.add_gridspec(1, len(hardest) + 1)
     for k, name in enumerate(hardest):
-        axes = journal_orbit(seen, name, axes=row.add_subplot(grid[k]))
+        axes = journal_orbit(observed, name, axes=row.add_subplot(grid[k]))
         axes.set_title(f"{shown(name, TITLE)}: orbit")
         _small(axes)
-    axes = contact_rose(seen, hardest[0], axes=row.add_subplot(grid[-1], projection="polar"))
+    axes = contact_rose(observed, hardest[0], axes=row.add_subplot(grid[-1], projection="polar"))
     axes.set_title(f"{shown(hardest[0], TITLE)}: directions")
-    orbits, bars = (some.get_legend_handles_labels() for some in (row.axes[0], axes))
+    orbits, bars = (panel.get_legend_handles_labels() for panel in (row.axes[0], axes))
     names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
     handles = [*orbits[0], *bars[0]]
-    for axes in row.axes:
-        hide_legend(axes)
+    # The legends keep their space in the layout, which is then the same for all panels.
+    for legend in filter(None, (axes.get_legend() for axes in row.axes)):
+        legend.set_visible(False)
     row.legend(handles, names, loc="outside lower center", ncols=5, frameon=False)
 
 
-def _peak(seen: Observation, joint: str) -> float:
+def _peak(observed: Observation, joint: str) -> float:
     """Largest normal force of a joint, N."""
-    return max(float(np.max(one.normal_force)) for one in seen.contacts[joint].values())
+    contacts = observed.contacts[joint].values()
+    return max(float(np.max(contact.normal_force)) for contact in contacts)
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Paths of the bodies' centres in the plane in which they move most; their spins over time
-    where the centres hardly move."""
+    """Draw the paths of the bodies' centres in the plane with the largest motion, or the spins over
+    time if the centres hardly move."""
     bodies = trajectory.states.bodies
-    places = {name: np.asarray(body.position) for name, body in bodies.items()}
-    spread = np.ptp(np.concatenate(list(places.values())), axis=0)
-    moved = max(np.ptp(path, axis=0).max() for path in places.values())
-    if moved > HARDLY * spread.max():
+    paths = {name: np.asarray(body.position) for name, body in bodies.items()}
+    spread = np.ptp(np.concatenate(list(paths.values())), axis=0)
+    motion = max(np.ptp(path, axis=0).max() for path in paths.values())
+    if motion > SMALL_MOTION * spread.max():
         right, up = sorted(np.argsort(-spread, kind="stable")[:2])
-        curves = {name: (path[:, right], path[:, up]) for name, path in places.items()}
+        curves = {name: (path[:, right], path[:, up]) for name, path in paths.items()}
         labels = f"{'XYZ'[right]} of the centres, m", f"{'XYZ'[up]}, m"
         axes.set_aspect("equal")
     else:
@@ -145,32 +144,30 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
         curves = {name: (times, spin) for name, spin in spins.items()}
         labels = f"time, {unit}", "spin of the bodies, rad/s"
         axes.margins(x=0.0)
-    for (name, (x, y)), (colour, style) in zip(curves.items(), lines(), strict=False):
-        axes.plot(x, y, color=colour, linestyle=style, label=shown(name))
-    look = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 3.0}
-    axes.legend(frameon=False, **look)
+    draw_lines(axes, ((shown(name), x, y) for name, (x, y) in curves.items()))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=3.0, frameon=False)
     dress(axes, *labels)
     _small(axes)
 
 
-def draw_over_time(row: SubFigure, seen: Observation) -> None:
-    """Forces, and below them motion modes."""
-    heights = 1.6, 0.4 + 0.2 * len(seen.contacts)
+def draw_over_time(row: SubFigure, observed: Observation) -> None:
+    """Draw forces, and below them contact phases."""
+    heights = 1.6, 0.4 + 0.2 * len(observed.contacts)
     above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)
-    if len(seen.contacts) == 1:
-        contact_forces(seen, *seen.contacts, axes=above)
+    if len(observed.contacts) == 1:
+        contact_forces(observed, *observed.contacts, axes=above)
     else:
-        joint_forces(seen, axes=above)
+        joint_forces(observed, axes=above)
     above.set_xlabel("")
-    motion_timeline(seen, axes=below)
+    motion_timeline(observed, axes=below)
     _small(above)
 
 
-def draw_energies(row: SubFigure, seen: Observation, record: xr.DataArray) -> None:
-    """The ledger at the left, the spectrum at the right."""
+def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
+    """Draw the energy ledger on the left and the spectrum on the right."""
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
-    energy_ledger(seen, axes=np.array([panels["stored"], panels["drift"]]))
+    energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
     panels["stored"].tick_params(labelbottom=False)
     axes = panels["lines"]
     if is_even(np.diff(record["time"].values)):
@@ -183,7 +180,7 @@ def draw_energies(row: SubFigure, seen: Observation, record: xr.DataArray) -> No
 
 
 def _small(axes: Axes) -> None:
-    """Make lines thin, and those of many points pixels, so that a PDF stays small."""
+    """Make lines thinner, and rasterise those of many points so that a PDF stays small."""
     for line in axes.get_lines():
         line.set_linewidth(THINNER * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > MANY)

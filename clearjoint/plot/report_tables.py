@@ -1,4 +1,4 @@
-"""What a report tells in words and numbers: the scene, the run, and the largest impacts."""
+"""Texts and tables of a report: the scene, the run, and the largest impacts."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -7,17 +7,17 @@ import numpy as np
 
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.scene import Scene
-from ..results import RESULTS
-from ..simulation.impact_table import Impacts
-from ..simulation.settings import Settings
-from ..simulation.solution import Solution
+from ..result_codes import RESULTS
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.solution import Solution
+from ..simulation.step.settings import Settings
 from .labels import fitting_unit
 
 Cells = Sequence[str]
 PLAYS = ("clearance", "play", "backlash")
-"""Fields that hold what a joint's play is."""
+"""Fields with the clearance or play of a joint."""
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
-"""Of the numbers of a law that are told."""
+"""Symbols of the numbers of a law that the table shows, by field."""
 JOINT_COLUMNS = ("joint", "kind", "bodies", "play", "normal law", "friction")
 IMPACT_COLUMNS = (
     "joint",
@@ -32,12 +32,12 @@ IMPACT_COLUMNS = (
 
 
 ALIKE, ALIKE_AT_ONCE = 1e-3, 8
-"""Differences of onsets, over the duration, and of forces up to which impacts are alike; and among
-how many latest impacts others are looked for."""
+"""Differences of onsets, relative to the duration, and of forces up to which impacts are equal; and
+the number of latest impacts among which equal ones are searched."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """A row of `JOINT_COLUMNS` for each joint, those with play first, `most` of them."""
+    """Return a row of `JOINT_COLUMNS` for each joint, first those with contacts; `most` rows."""
     joints = sorted(
         scene.joints.items(), key=lambda item: not isinstance(item[1], AbstractContactJoint)
     )
@@ -58,10 +58,10 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
 
 def _law(law: object) -> str:
     """Kind of a law, and its restitution or coefficients of friction."""
-    found = {symbol: getattr(law, field, None) for field, symbol in SYMBOLS.items()}
+    values = {symbol: getattr(law, field, None) for field, symbol in SYMBOLS.items()}
     numbers = [
         f"{symbol} {float(np.asarray(value)):.3g}"
-        for symbol, value in found.items()
+        for symbol, value in values.items()
         if value is not None and np.shape(value) == ()
     ]
     return ", ".join([type(law).__name__, *numbers])
@@ -79,7 +79,7 @@ def _play(joint: AbstractContactJoint) -> str:
 
 
 def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
-    """How the run went, and with which settings, a line for each."""
+    """Return lines of text about the scene, the run, its steps and its settings."""
     gravity = scene.gravity
     counts = {"joint": len(scene.joints), "force": len(scene.forces)}
     parts = [_counted(number, name) for name, number in counts.items()]
@@ -87,21 +87,21 @@ def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> li
     field = "no gravity"
     if gravity is not None:
         field = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(gravity))}) m/s²"
-    form = solution.formulation
+    formulation = solution.formulation
     steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
-    ways = [
-        type(form.coordinates).__name__,
-        type(form.stabilisation).__name__,
-        "with energy ledger" if form.ledger else "without energy ledger",
+    methods = [
+        type(formulation.coordinates).__name__,
+        type(formulation.stabilisation).__name__,
+        "with energy ledger" if formulation.ledger else "without energy ledger",
     ]
-    told = [] if settings is None else [_tolerances(settings)]
+    tolerances = [] if settings is None else [_tolerances(settings)]
     redundant = ", ".join(solution.redundant_constraints)
     return [
         f"Scene: {_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg, "
         f"{', '.join(parts)}, {field}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
-        f"Equations: {', '.join([*told, *ways])}",
+        f"Equations: {', '.join([*tolerances, *methods])}",
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
 
@@ -120,7 +120,7 @@ def _tolerances(settings: Settings) -> str:
 
 def _impacts(impacts: Impacts | None) -> str:
     if impacts is None:
-        return "impacts not tabled"
+        return "impacts not recorded"
     if len(impacts) == 0:
         return "no finished impact"
     factor, unit = fitting_unit(impacts.peak_force, "N")
@@ -129,10 +129,11 @@ def _impacts(impacts: Impacts | None) -> str:
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
-    """A row of `IMPACT_COLUMNS` for each of the impacts of largest peak force, by that. What
-    several contacts of a joint do alike, such as both bases in planar motion, is one row."""
-    together = _alike(impacts)
-    order = sorted(together, key=lambda k: -impacts.peak_force[k])[:most]
+    """Return a row of `IMPACT_COLUMNS` for each of the impacts with the largest peak forces, in
+    descending order. Equal impacts of several contacts of a joint, such as both bases in planar
+    motion, share a row."""
+    groups = _alike(impacts)
+    order = sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]
     columns = {
         "onset": (1e3, ".4f"),
         "duration": (1e6, ".1f"),
@@ -144,7 +145,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     return [
         [
             str(impacts.joint[k]),
-            " and ".join(sorted(together[k])),
+            " and ".join(sorted(groups[k])),
             *(
                 f"{factor * getattr(impacts, n)[k]:{digits}}"
                 for n, (factor, digits) in columns.items()
@@ -155,20 +156,19 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _alike(impacts: Impacts) -> dict[int, list[str]]:
-    """The first of impacts that contacts of a joint have at one time with one force, by number, and
-    these contacts."""
-    found: dict[int, list[str]] = {}
+    """Contacts with equal simultaneous impacts, by the index of the first impact."""
+    groups: dict[int, list[str]] = {}
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [
             j
-            for j in list(found)[-ALIKE_AT_ONCE:]
+            for j in list(groups)[-ALIKE_AT_ONCE:]
             if impacts.joint[j] == impacts.joint[k]
-            and impacts.contact[k] not in found[j]
+            and impacts.contact[k] not in groups[j]
             and abs(impacts.onset[j] - impacts.onset[k]) <= ALIKE * impacts.duration[k]
             and np.isclose(impacts.peak_force[j], impacts.peak_force[k], rtol=ALIKE)
         ]
         if same:
-            found[same[0]].append(str(impacts.contact[k]))
+            groups[same[0]].append(str(impacts.contact[k]))
         else:
-            found[int(k)] = [str(impacts.contact[k])]
-    return found
+            groups[int(k)] = [str(impacts.contact[k])]
+    return groups

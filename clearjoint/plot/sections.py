@@ -1,15 +1,171 @@
-"""Poincaré sections of a sweep: bifurcation diagrams."""
+"""Poincaré sections of a run, of a lane, and of all lanes of a sweep (bifurcation diagrams)."""
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.ticker import MaxNLocator
 
-from .labels import scale_axes, scaled, tick_logarithm
-from .outcomes import ended_well, mark_failed, only_axis, require_names
-from .style import DARK, axes_or_new, dress
+from ..fields.checks import require
+from ..fields.drawn_text import shown
+from ..simulation.run.sections import Crossings, Section
+from .journal import clearance_circle
+from .labels import fitting_unit, scale_axes, scaled, tick_logarithm
+from .style import BLUE, DARK, LIGHT, axes_or_new, dress, legend_above
+from .sweeps import is_successful, mark_failed, only_axis, require_names
+
+SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+UNLIKE = 20.0
+"""Ratio of the largest values of two channels up to which their axes have equal scales."""
+
+
+def poincare_map(
+    x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
+) -> Axes:
+    """Draw one state per period: a single dot for a periodic motion, a cloud for a chaotic one.
+
+    **Arguments:** `x`, `y`: (N,) coordinates of the points, in order; `labels`: with units.
+
+    **Returns:** the axes, with a colour bar; later points are darker.
+
+    >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
+    """
+    return _mapped(x, y, 1 + np.arange(len(x)), labels, axes_or_new(axes, (5.4, 4.8)))
+
+
+def _mapped(
+    x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes
+) -> Axes:
+    """Draw points, coloured by their numbers."""
+    look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
+    points = axes.scatter(x, y, c=numbers, **look)
+    if len(x) > 1:
+        bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
+        bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return dress(axes, *labels)
+
+
+def poincare_section(
+    crossings: Crossings,
+    section: Section,
+    channels: tuple[str, str] | None = None,
+    *,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw the crossings of a run: a few dots for a periodic motion, a cloud for a chaotic one.
+
+    **Arguments:**
+
+    - `crossings`: `solution.sections[name]`. `section`: the `Section` of that name.
+    - `channels`: names of the horizontal and vertical channel; by default the section's first two.
+    - `after`: s; earlier crossings, those of the transient, are omitted.
+    - `clearance`: radial, m; its circle is drawn. For channels that are the `JournalOffset` of a
+      joint.
+
+    **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
+    points are darker; a colour bar gives their number.
+
+    **Raises:** `ValueError` for unknown channels, a `clearance` with channels that are not lengths,
+    and if no crossing remains.
+
+    >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
+    >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
+    >>> values = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}
+    >>> axes = plot.poincare_section(cj.results.Crossings(np.arange(3.0), values), section)
+    >>> axes.get_xlabel()
+    'x, µm'
+    """
+    known = list(section.channels)
+    chosen = tuple(known[:2]) if channels is None else tuple(channels)
+    is_valid = len(chosen) == 2 and set(chosen) <= set(known)
+    remedy = "record two channels and name them"
+    require(is_valid, "channels", chosen, f"two of those of the section, {known}", remedy)
+    units = [section.channels[name][1] for name in chosen]
+    values = [crossings.values[name] for name in chosen]
+    return section_points(crossings.times, values, chosen, units, after, clearance, axes)
+
+
+def poincare_section_of_lane(
+    lane: xr.Dataset,
+    section: str,
+    channels: tuple[str, str],
+    *,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw the crossings of one lane of a sweep.
+
+    **Arguments:** `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``;
+    `section`: name of the `Section`; `channels`: names of the horizontal and vertical
+    channel; `after`, `clearance`: as of `plot.poincare_section`.
+
+    **Returns:** as of `plot.poincare_section`.
+
+    **Raises:** `ValueError` for unknown names.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
+    >>> still = cj.Section(speed, {"x": (x, "m"), "speed": (speed, "m/s")}, count=3)
+    >>> save, outputs = cj.Saving(sections={"still": still}), {"speed": cj.Peak(speed, "m/s")}
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, save=save, progress=False)
+    >>> lane = found.sel(stiffness=100.0)
+    >>> drawn = plot.poincare_section_of_lane(lane, "still", ("x", "speed"))
+    """
+    names = [f"{section}_{channel}" for channel in channels]
+    require_names(lane, (*names, f"{section}_count", f"{section}_time"))
+    count = lane[f"{section}_count"]
+    require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    recorded = slice(int(count))
+    units = [lane[name].attrs.get("units", "1") for name in names]
+    times, *values = (lane[name].values[recorded] for name in (f"{section}_time", *names))
+    return section_points(times, values, channels, units, after, clearance, axes)
+
+
+def section_points(
+    times: np.ndarray,
+    values: Sequence[np.ndarray],
+    channels: Sequence[str],
+    units: Sequence[str],
+    after: float | None,
+    clearance: float | None,
+    axes: Axes | None,
+) -> Axes:
+    """Draw two channels, in SI units, of crossings at times (N,) s."""
+    times, lengths = np.asarray(times), set(units) == {"m"}
+    kept = np.full(len(times), True) if after is None else times >= after
+    last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
+    require(bool(kept.any()) or after is None, "after", after, last, "give an earlier time")
+    expected = f"None for channels in {units}"
+    require(clearance is None or lengths, "clearance", clearance, expected, "leave it out")
+    rows = [np.asarray(row)[kept] for row in values]
+    sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
+    largest = max(*sizes, 0.0 if clearance is None else clearance)
+    similar = units[0] == units[1] and largest <= UNLIKE * min(sizes)
+    same = similar or clearance is not None
+    columns = []
+    for row, size, channel, unit in zip(rows, sizes, channels, units, strict=True):
+        factor, text = fitting_unit(np.array([largest if same else size]), unit)
+        suffix = "" if text == "1" else f", {text}"
+        columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
+    (x, x_label, factor), (y, y_label, _) = columns
+    axes = _mapped(
+        x, y, 1 + np.flatnonzero(kept), (x_label, y_label), axes_or_new(axes, (5.4, 4.8))
+    )
+    if clearance is not None:
+        clearance_circle(axes, clearance, factor=factor)
+    if same:
+        axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
+    if after is not None:
+        text = f"{kept.sum()} of {len(kept)} crossings, from {after:g} s on"
+        axes.set_title(text, fontsize="small", loc="right")
+    return axes
 
 
 def bifurcation(
@@ -21,19 +177,19 @@ def bifurcation(
     number: bool = False,
     axes: Axes | None = None,
 ) -> Axes:
-    """What a section records against a swept parameter, a dot for each crossing.
+    """Draw a bifurcation diagram: a channel of a section over a swept parameter.
 
-    A periodic motion shows as a few curves, a chaotic one as a cloud. Lanes that failed or are
-    pending are left out, and are crosses at the foot of the axes.
+    Each dot is a crossing. A periodic motion gives a few curves, a chaotic one a cloud. Lanes that
+    failed or are pending are crosses at the lower edge of the axes.
 
     **Arguments:**
 
-    - `dataset`: of `sweep` or `open_sweep`, with other axes selected away.
-    - `section`, `channel`: names of the `Section` and of what it records.
-    - `axis`: the parameter's name; unless given, the sweep's only one.
-    - `number`: whether colours tell which crossing it is, for motions that do not repeat.
+    - `dataset`: from `sweep` or `open_sweep`, with a value of each other axis selected.
+    - `section`, `channel`: names of the `Section` and of its channel.
+    - `axis`: name of the parameter; by default the only axis of the sweep.
+    - `number`: whether colours give the number of the crossing, for motions that do not repeat.
 
-    **Returns:** the axes, logarithmic where values spread over a decade.
+    **Returns:** the axes, logarithmic for values of more than a decade.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -47,12 +203,12 @@ def bifurcation(
     variable = f"{section}_{channel}"
     require_names(dataset, (variable, axis))
     axes = axes_or_new(axes)
-    well = ended_well(dataset)
+    succeeded = is_successful(dataset)
     crossings = f"{section}_number"
-    recorded = dataset[variable].where(well).transpose(*dataset[axis].dims, crossings)
+    recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, crossings)
     x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
-    places, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
-    draw = partial(axes.scatter, places, y.values, s=3, linewidths=0)
+    positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
+    draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)
     if not number:
         draw(color=DARK)
     else:
@@ -60,7 +216,7 @@ def bifurcation(
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
         tick_logarithm(bar.ax.yaxis, numbers)
     scale_axes(axes, x.values, y.values)
-    mark_failed(axes, x.values, well.values)
-    if not well.all():
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    mark_failed(axes, x.values, succeeded.values)
+    if not succeeded.all():
+        legend_above(axes)
     return dress(axes, x.label, y.label)

@@ -1,14 +1,16 @@
-"""What all figures share: colours, sizes, and plain axes."""
+"""Colours, line styles, sizes and helpers for all figures."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.projections.polar import PolarAxes
 
 from ..fields.checks import require
 from ..fields.drawn_text import broken
+from ..fields.types import ArrayLike
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, ORANGE = "#56B4E9", "#E69F00"
@@ -23,42 +25,39 @@ LINES: tuple[tuple[str, Dashes], ...] = (
     (SKY, (0, (8, 2))),
     (ORANGE, (0, (6, 1, 1, 1, 1, 1))),
 )
-"""Colours (after M. Okabe and K. Ito, told apart by colour-blind people) with line styles."""
+"""Colours (of M. Okabe and K. Ito, which colour-blind people can distinguish) and line styles."""
 SIZE = (6.4, 4.0)
 """Width and height of a new figure, inches."""
 TimeSpan = tuple[float, float]
-"""First and last instant to show, s."""
+"""Start and end of the shown time, s."""
 
 
 def lines() -> Iterator[tuple[str, Dashes]]:
-    """Colours and line styles for one curve after the other, without end."""
+    """Yield colours and line styles for successive curves, without end."""
     while True:
         yield from LINES
 
 
 def next_colour(axes: Axes) -> str:
-    """The first of the colours in which no line is drawn on the axes; once all are, the one of the
-    fewest lines."""
+    """Return the first colour without a line on the axes, or the colour with the fewest lines."""
     drawn = [line.get_color() for line in axes.get_lines()]
     return min((colour for colour, _ in LINES), key=drawn.count)
 
 
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
-    """The given axes, or those of a new figure of the given size in inches."""
+    """Return the given axes, or those of a new figure of a size in inches."""
     if axes is not None:
         return axes
     return plt.subplots(figsize=size, layout="constrained")[1]
 
 
 def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> PolarAxes:
-    """The given axes, or those of a new figure, polar ones: angles in a bearing's cross-section,
-    from its x to the right to its y upwards.
+    """Return the given polar axes, or new ones, for angles in a bearing's cross-section.
 
     **Raises:** `ValueError` for axes that are not polar.
     """
     if axes is None:
-        made = plt.figure(figsize=size, layout="constrained").add_subplot(projection="polar")
-        axes = made
+        axes = plt.figure(figsize=size, layout="constrained").add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
     kind = type(axes).__name__
     require(isinstance(axes, PolarAxes), "axes", kind, "polar axes", remedy)
@@ -70,7 +69,7 @@ def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> P
 
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
-    """Label the axes, draw a faint grid behind the curves, and drop the frame's idle sides."""
+    """Label the axes, add a faint grid behind the curves, and remove the upper and right frame."""
     axes.set_xlabel(broken(x))
     axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
@@ -79,31 +78,51 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
     return axes
 
 
-def hide_legend(axes: Axes) -> None:
-    """Let a legend be, if there is one, but unseen."""
-    legend = axes.get_legend()
-    if legend is not None:
-        legend.set_visible(False)
+def draw_lines(
+    axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
+) -> None:
+    """Draw labelled curves (label, x, y) that differ by colour and line style."""
+    for (label, x, y), (colour, style) in zip(curves, lines(), strict=False):
+        axes.plot(x, y, color=colour, linestyle=style, linewidth=linewidth, label=label)
+
+
+def legend_above(
+    axes: Axes,
+    columns: int = 1,
+    *,
+    handles: Sequence[Artist] | None = None,
+    handlelength: float | None = None,
+    height: float = 1.0,
+) -> None:
+    """Add a legend without a frame above the axes, at a `height` in axes coordinates."""
+    axes.legend(
+        handles=handles,
+        loc="lower center",
+        bbox_to_anchor=(0.5, height),
+        ncols=columns,
+        frameon=False,
+        handlelength=handlelength,
+    )
 
 
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Let axes over time end at the window; all stays in view without one.
+    """Limit axes over time to a window, if one is given.
 
-    **Arguments:** `window` and rising `times` (N,), in the unit of the axes.
+    **Arguments:** `times`: (N,), increasing; `window`: both in the unit of the axes.
 
-    **Returns:** (N,) which times to draw: those in the window, and the one before and behind it, so
-    that curves reach its edges.
+    **Returns:** (N,) mask of the times to draw: those in the window, and one before and after it,
+    so that curves reach its edges.
     """
     if window is None:
         return np.full(np.shape(times), True)
     axes.set_xlim(*window)
     first, last = np.searchsorted(times, window[0], "right") - 1, np.searchsorted(times, window[1])
-    number = np.arange(len(times))
-    return (number >= first) & (number <= last)
+    index = np.arange(len(times))
+    return (index >= first) & (index <= last)
 
 
 def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Which of the (N,) times lie in the window; all of them without one."""
+    """Return a mask of the (N,) times in the window; all of them without a window."""
     if window is None:
         return np.full(np.shape(times), True)
     return (times >= window[0]) & (times <= window[1])

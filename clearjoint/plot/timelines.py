@@ -1,4 +1,4 @@
-"""Motion modes over time: free flight, impact, and following of the wall."""
+"""Phases of contact over time: free flight, impact, and following of the wall."""
 
 import enum
 
@@ -7,18 +7,18 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ..fields.drawn_text import shown
-from ..simulation.observe import ContactObservation, Observation
+from ..simulation.results.observe import ContactObservation, Observation
 from . import observed
 from .labels import time_unit
-from .style import BLUE, DARK, TimeSpan, axes_or_new, dress
+from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, legend_above
 
 
 class ContactPhase(enum.IntEnum):
-    """What a joint with play does, in the order of what decides where its contacts differ.
+    """Phase of a joint with clearance. If its contacts differ, the largest number decides.
 
     >>> plot.ContactPhase(1).name
     'IMPACT'
-    >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name  # what decides
+    >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name
     'FOLLOWING'
     """
 
@@ -27,7 +27,7 @@ class ContactPhase(enum.IntEnum):
     FOLLOWING = 2
 
 
-LOOKS = {
+BAR_STYLES = {
     ContactPhase.FREE_FLIGHT: (0.12, {"facecolor": "0.8", "edgecolor": "0.8"}),
     ContactPhase.IMPACT: (0.80, {"facecolor": DARK, "edgecolor": DARK, "linewidth": 0.8}),
     ContactPhase.FOLLOWING: (
@@ -35,35 +35,34 @@ LOOKS = {
         {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"},
     ),
 }
-"""Height in the row of a joint, and look: apart by height, grey value and hatching."""
+"""Height in the row of a joint, and style: phases differ by height, grey value and hatching."""
 
 
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
-    """What a joint does at each instant, (N,) `ContactPhase` numbers.
+    """Return the phase of a joint at each instant, (N,) `ContactPhase` numbers.
 
-    A contact in which the bodies are pressed together once, and separate, is an impact. One in
-    which they approach anew before they separate, or that lasts to the end of what is observed, is
-    in impact until it is deepest for the first time, and is followed from there on; one that is
-    there at the first instant is followed. Where contacts of the joint differ, one that is followed
-    decides, then one in impact.
+    A contact with a single compression and restitution is an impact. If the bodies approach again
+    before they separate, or if the contact lasts to the end of the observation, the phase is impact
+    up to the first maximum of the penetration, and following from there on. A contact at the first
+    instant is following. If contacts of the joint differ, following has priority over impact, and
+    impact over free flight.
 
     **Arguments:** `observation`: along every accepted step, or at instants that resolve the
-    impacts; `joint`: the name of one with contacts.
+    impacts; `joint`: name of a joint with contacts.
 
-    **Source:** the modes of P. Flores and others 2006; the limit between impact and following is
-    ours.
+    **Source:** P. Flores and others 2006, except the limit between impact and following.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
     >>> phases = plot.contact_phases(observed, "shoulder")
-    >>> plot.ContactPhase(phases[0]).name  # the journal begins amid its bearing
+    >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
     'FREE_FLIGHT'
     >>> share = np.mean(phases == plot.ContactPhase.FOLLOWING)
     """
     contacts = observed.contacts(observation, joint)
-    return np.max([_phases(one) for one in contacts.values()], axis=0)
+    return np.max([_phases(contact) for contact in contacts.values()], axis=0)
 
 
 def _phases(contact: ContactObservation) -> np.ndarray:
@@ -87,21 +86,21 @@ def motion_timeline(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """When each joint with play is in free flight, in impact, and follows the wall.
+    """Draw when each clearance joint is in free flight, in impact, or following the wall.
 
-    See `plot.contact_phases`. At the right stands what share of the time each takes.
+    See `plot.contact_phases`. The numbers on the right are the fractions of the time, in percent.
 
     **Arguments:**
 
     - `observation`: along every accepted step, or at instants that resolve the impacts.
-    - `joints`: names of those to draw, from above; all that have contacts unless given.
-    - `window`: instants between which to draw, s; the whole observation unless given.
+    - `joints`: names of joints, from top to bottom; by default all with contacts.
+    - `window`: start and end of the drawn time, s; by default the whole observation.
 
     **Returns:** the axes; time in ms or s, a row for each joint.
 
     **Raises:** `ValueError` for a scene without contacts.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
     >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
     >>> observed = cj.observe(scene, solution)
@@ -115,14 +114,13 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases = contact_phases(observation, name)
-        starts, lengths, kinds = _stretches(times, phases, (first, last))
-        for phase, (height, look) in LOOKS.items():
-            here = kinds == phase
-            spans = np.stack([starts[here], lengths[here]], axis=1) * factor
-            bars = [(float(begin), float(length)) for begin, length in spans]
-            axes.broken_barh(bars, (row - 0.5 * height, height), label=_called(phase), **look)
+        starts, lengths, kinds = _intervals(times, phases, (first, last))
+        for phase, (height, look) in BAR_STYLES.items():
+            of_phase = kinds == phase
+            bars = [*zip(factor * starts[of_phase], factor * lengths[of_phase], strict=True)]
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_label(phase), **look)
         total = max(lengths.sum(), np.finfo(float).tiny)
-        shares = [100.0 * lengths[kinds == phase].sum() / total for phase in LOOKS]
+        shares = [100.0 * lengths[kinds == phase].sum() / total for phase in BAR_STYLES]
         text = " / ".join(f"{share:.0f}" for share in shares) + " %"
         look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
         axes.text(1.01, row, text, **look)
@@ -131,25 +129,24 @@ def motion_timeline(
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    samples = [Patch(label=_called(phase), **look) for phase, (_, look) in LOOKS.items()]
-    where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-    axes.legend(handles=samples, ncols=3, frameon=False, **where)
+    samples = [Patch(label=_label(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
+    legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")
     axes.grid(False, axis="y")
     return axes
 
 
-def _called(phase: ContactPhase) -> str:
+def _label(phase: ContactPhase) -> str:
     return phase.name.replace("_", " ").lower()
 
 
-def _stretches(
+def _intervals(
     times: np.ndarray, phases: np.ndarray, window: TimeSpan
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Begin and length, s, and phase of each stretch of one phase within a window."""
+    """Start and length, s, and phase of each interval of one phase within a window."""
     changes = np.flatnonzero(np.diff(phases)) + 1
     rows = np.concatenate([[0], changes])
-    begins = np.clip(times[rows], *window)
+    starts = np.clip(times[rows], *window)
     ends = np.clip(np.append(times[changes], times[-1]), *window)
-    there = ends > begins
-    return begins[there], (ends - begins)[there], phases[rows][there]
+    in_window = ends > starts
+    return starts[in_window], (ends - starts)[in_window], phases[rows][in_window]

@@ -1,4 +1,4 @@
-"""A band-limited accelerometer: a seismic mass on a spring and a damper."""
+"""An accelerometer with limited bandwidth: a seismic mass on a spring and a damper."""
 
 import math
 from typing import ClassVar, NamedTuple
@@ -7,7 +7,13 @@ import equinox as eqx
 import numpy as np
 
 from ..fields.cautions import quiet
-from ..fields.checks import as_number, require, require_axis, require_point, require_positive
+from ..fields.checks import (
+    as_number,
+    require,
+    require_axis,
+    require_point,
+    require_positive,
+)
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
 from ..math.rotations import unit
@@ -20,25 +26,25 @@ from .base import AbstractQuantity, require_known
 from .instant import Instant
 
 ARM = 1e-2
-"""Length of the slack spring, m: far above deflections, which are micrometres."""
+"""Free length of the spring, m; it is much longer than the deflections, which are micrometres."""
 SHARE = 1e-6
-"""Mass of the sensor in that of its body, unless it is given."""
+"""Default ratio of the sensor's mass to the body's mass."""
 RADIUS = 1e-3
-"""Radius of gyration of the sensor's mass, m."""
+"""Radius of gyration of the seismic mass, m."""
 BUTTERWORTH = math.sqrt(0.5)
 SPRING = " spring"
-"""What the name of a sensor's spring has behind the sensor's."""
+"""Suffix of the name of a sensor's spring."""
 
 
 class AccelerometerReading(AbstractQuantity):
-    """What an accelerometer of `clearjoint.accelerometer` reads, m/s^2.
+    """Signal of an accelerometer created by `clearjoint.accelerometer`, m/s^2.
 
     **Arguments:** `sensor`: its name.
 
-    >>> scene, state = cj.double_pendulum()
-    >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
     >>> reading = cj.quantities.AccelerometerReading("arm 2 accelerometer")
-    >>> reading.unit, reading == found.reading
+    >>> reading.unit, reading == sensor.reading
     ('m/s^2', True)
     """
 
@@ -51,7 +57,7 @@ class AccelerometerReading(AbstractQuantity):
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
     def __call__(self, now: Instant) -> Scalar:
-        """The spring's force on its mass over the mass, m/s^2."""
+        """Return the spring force over the mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
@@ -61,12 +67,12 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """A scene and its state with an accelerometer, and the quantity that it reads.
+    """A scene and a state with an accelerometer, and the quantity of its signal.
 
-    >>> scene, state = cj.double_pendulum()
-    >>> found = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
-    >>> spring = found.scene.forces["arm 2 accelerometer spring"]
-    >>> speed = np.sqrt(spring.stiffness / found.scene.bodies["arm 2 accelerometer"].mass)
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
+    >>> spring = sensor.scene.forces["arm 2 accelerometer spring"]
+    >>> speed = np.sqrt(spring.stiffness / sensor.scene.bodies["arm 2 accelerometer"].mass)
     >>> round(float(speed / (2 * np.pi)), 6)  # Hz
     2000.0
     """
@@ -88,21 +94,21 @@ def accelerometer(
     mass: float | None = None,
     name: str | None = None,
 ) -> Accelerometer:
-    """Fix an accelerometer to a body: a mass that slides along an axis, on a spring and a damper.
+    """Attach an accelerometer to a body: a mass that slides along an axis on a spring and a damper.
 
-    It reads the specific force along its axis, acceleration less gravity, through a low-pass of two
-    poles: 1 / (1 + 2 z s/w + s^2/w^2) with w = 2 pi `frequency` and the damping ratio z, of which
-    sqrt(1/2), the default, is Butterworth's. So impacts of microseconds become signals of the
-    sensor's own width, which can be sampled and fitted. It is part of the mechanism: derivatives
-    are right, it starts as at rest under gravity, and its frequency and damping, the ``stiffness``
-    and ``damping`` of its spring, may be estimated.
+    It measures the specific force along its axis, acceleration minus gravity, with a second-order
+    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where w = 2 pi `frequency` and z is the damping ratio. The
+    default z = sqrt(1/2) is a Butterworth filter. Impacts that last microseconds thus become
+    signals as long as the sensor's response, which can be sampled and fitted.
 
-    Steps are then a part of 1 / w long at most.
+    The sensor is part of the mechanism: derivatives are exact, it starts at rest under gravity, and
+    its frequency and damping, the ``stiffness`` and ``damping`` of its spring, can be estimated.
+    Integration steps are limited to a fraction of 1 / w.
 
     ```python
     import clearjoint as cj
 
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     scene, state, reading = cj.accelerometer(
         scene, state, "arm 2", point=(0.25, 0.0, 0.0), axis=(0.0, 1.0, 0.0), frequency=2e3
     )
@@ -112,83 +118,90 @@ def accelerometer(
 
     **Arguments:**
 
-    - `scene`, `state`: those of the mechanism without it.
-    - `body`: the name of its body; `point`: (3,) m where it sits, and `axis`: (3,) any length,
-      along which it reads, in body axes.
-    - `frequency`: Hz, where it damps by 3 dB (with the damping ratio unless told otherwise).
+    - `scene`, `state`: of the mechanism without the sensor.
+    - `body`: name of the body.
+    - `point`: position of the sensor, (3,) m in body axes.
+    - `axis`: direction of measurement, (3,) in body axes, any length.
+    - `frequency`: Hz, of the mass on its spring; with the default damping ratio the attenuation
+      there is 3 dB.
     - `damping_ratio`: positive.
-    - `mass`: kg, that slides; a millionth of the body's unless given, so that the motion stays as
-      it is.
-    - `name`: of its body and joint; that of the body and "accelerometer" unless given. Its spring's
-      has " spring" behind it.
+    - `mass`: of the sensor, kg; by default a millionth of the body's mass, which doesn't affect the
+      motion.
+    - `name`: of the sensor's body and joint; by default the body's name followed by
+      " accelerometer". The spring's name is this name followed by " spring".
 
-    **Returns:** `Accelerometer`, a tuple: scene and state with it, and the quantity it reads.
+    **Returns:** `Accelerometer`, a tuple of the scene and the state with the sensor, and the
+    quantity of its signal.
 
-    **Raises:** `ValueError` for values that no sensor can have, an unknown body or a name that is
-    taken.
+    **Raises:** `ValueError` if a value is outside its range, the body is unknown, or the name is in
+    use.
 
     **Source:** C. Harris and A. Piersol, *Harris' shock and vibration handbook* (2002), chapter 12.
     """
     name = f"{body} accelerometer" if name is None else name
     _require_names(scene, state, body, name)
-    require_point("point", place := np.asarray(as_number(point, "point", "m")))
+    require_point("point", position := np.asarray(as_number(point, "point", "m")))
     require_axis("axis", along := np.asarray(as_number(axis, "axis")))
     direction = along / np.linalg.norm(along)
     require_positive("frequency", as_number(frequency, "frequency", "Hz"), "give it in Hz")
     require_positive("damping_ratio", as_number(damping_ratio, "damping_ratio"), "0.7 is usual")
-    size = SHARE * float(scene.bodies[body].mass) if mass is None else mass
-    require_positive("mass", as_number(size, "mass", "kg"), "give it in kg")
+    mass = SHARE * float(scene.bodies[body].mass) if mass is None else mass
+    require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
+    # The spring's free length is long compared with its deflection, so that it acts linearly along
+    # the axis although it is a spring between two points.
     speed = 2.0 * math.pi * frequency
     spring = SpringDamper(
         body,
         name,
-        place - ARM * direction,
+        position - ARM * direction,
         np.zeros(3),
-        stiffness=size * speed**2,
-        damping=2.0 * damping_ratio * size * speed,
+        stiffness=mass * speed**2,
+        damping=2.0 * damping_ratio * mass * speed,
         free_length=ARM,
     )
-    slide = PrismaticJoint(body, name, place, np.zeros(3), direction)
+    slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     with quiet():
-        fixed = Scene(
-            {**scene.bodies, name: Body(size, np.full(3, size * RADIUS**2))},
+        with_sensor = Scene(
+            {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
             {**scene.joints, name: slide},
             {**scene.forces, name + SPRING: spring},
             scene.gravity,
         )
     host = state.bodies[body]
-    bodies = {**state.bodies, name: _resting(host, scene, place, direction, speed)}
-    start = State(bodies, state.memory, state.work, state.bristles)
-    return Accelerometer(fixed, start, AccelerometerReading(name))
+    bodies = {**state.bodies, name: _state_at_rest(host, scene, position, direction, speed)}
+    start = State(bodies, state.entry_speeds, state.work, state.bristles)
+    return Accelerometer(with_sensor, start, AccelerometerReading(name))
 
 
 def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
-    """A body that is there, and a name for its sensor that is not."""
-    remedy = nearest(body, scene.bodies, "name one of them")
+    """Check that the body exists, and that the sensor's name is not in use."""
+    remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
     require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
-    free = not {name, name + SPRING} & {*scene.bodies, *scene.joints, *scene.forces}
-    require(free, "name", name, "one that the scene does not have", "give another name")
+    is_free = not {name, name + SPRING} & {*scene.bodies, *scene.joints, *scene.forces}
+    require(is_free, "name", name, "one that the scene does not have", "give another name")
 
 
-def _resting(
-    body: BodyState, scene: Scene, place: np.ndarray, direction: np.ndarray, speed: float
+def _state_at_rest(
+    body: BodyState, scene: Scene, position: np.ndarray, direction: np.ndarray, speed: float
 ) -> BodyState:
-    """The state of the sensor's mass at a place of a body, (3,) m, deflected by gravity alone, with
-    the spring's angular frequency, rad/s."""
+    """Return the state of the seismic mass, deflected only by gravity.
+
+    `position` on the body is (3,) m, and `speed` is the spring's angular frequency, rad/s.
+    """
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)
 
-    def turned(local: np.ndarray) -> np.ndarray:
+    def in_global_axes(local: np.ndarray) -> np.ndarray:
         across = 2.0 * np.cross(axis, local)
         return local + scalar * across + np.cross(axis, across)
 
     gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity)
-    arm = place + direction * float(gravity @ turned(direction)) / speed**2
+    arm = position + direction * float(gravity @ in_global_axes(direction)) / speed**2
     spin = np.asarray(body.spin)
     return body_state(
-        np.asarray(body.position) + turned(arm),
+        np.asarray(body.position) + in_global_axes(arm),
         np.asarray(body.orientation),
-        np.asarray(body.velocity) + turned(np.cross(spin, arm)),
+        np.asarray(body.velocity) + in_global_axes(np.cross(spin, arm)),
         spin,
     )

@@ -1,4 +1,4 @@
-"""What quantities have in common: units, periods, and names that a scene must know."""
+"""Base class of the quantities, and checks of their arguments."""
 
 import abc
 from collections.abc import Callable, Collection
@@ -16,12 +16,12 @@ from ..model.scene import Scene
 from .instant import Instant
 
 Component = Literal["x", "y", "z"]
-"""The name of a component of a vector.
+"""Name of a vector component.
 
 >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y", "z")}
 """
 Axes = Literal["global", "body"]
-"""In which a component of a vector is taken.
+"""Axes in which a vector component is taken.
 
 >>> sensor = cj.quantities.PointAcceleration("arm 2", (0.5, 0, 0), "x", axes="body")
 """
@@ -37,10 +37,10 @@ Quantity = Callable[[Instant], Scalar]
 class AbstractQuantity(eqx.Module):
     """A scalar function of an instant.
 
-    - `unit`: SI; ``None`` where only the scene tells.
-    - `period`: 2 pi of an angle, whose differences count modulo 2 pi; ``None`` of all others.
+    - `unit`: SI unit; ``None`` if it depends on the scene.
+    - `period`: 2 pi for an angle, whose differences are taken modulo 2 pi; otherwise ``None``.
 
-    Its fields are static: a quantity is part of the program that computes it.
+    Its fields are static: a quantity is part of the compiled program.
 
     ```python
     from typing import ClassVar
@@ -68,39 +68,38 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, now: Instant) -> Scalar:
-        """The quantity at an instant, in the SI unit `unit`."""
+        """Return the quantity at an instant, in the SI unit `unit`."""
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that the scene has what the quantity names.
+        """Check that the scene has the elements that the quantity names.
 
-        **Raises:** `ValueError` that lists what there is.
+        **Raises:** `ValueError` with a list of the available names.
         """
 
 
-def check_quantity(place: str, function: object, scene: Scene) -> None:
-    """Check that a scene has what a quantity names. Other functions of an instant pass, since they
-    don't say what they need.
+def check_quantity(argument: str, function: object, scene: Scene) -> None:
+    """Check that a scene has the elements that a quantity names; other functions are not checked.
 
-    **Raises:** `ValueError` that begins with `place`, where the user passed the quantity, and lists
-    the names that the scene has.
+    **Raises:** `ValueError` that begins with `argument`, the name under which the user passed the
+    quantity, and lists the available names.
     """
     if isinstance(function, AbstractQuantity):
         try:
             function.check(scene)
         except ValueError as error:
-            raise ValueError(f"{place}: {error}") from error
+            raise ValueError(f"{argument}: {error}") from error
 
 
 def require_quantity(argument: str, function: object) -> None:
     """Check for a function of an instant."""
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
-    fine = callable(function) and not isinstance(function, type)
-    require(fine, argument, function, "a scalar function of an Instant", remedy)
+    is_function = callable(function) and not isinstance(function, type)
+    require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is one of those that a scene has."""
+    """Check that a name is one of the scene's names."""
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")
@@ -108,27 +107,27 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def require_component(component: str | None, *, magnitude: bool = False) -> None:
-    """Check for "x", "y" or "z"; with `magnitude` also for ``None``, which stands for it."""
+    """Check for "x", "y" or "z"; with `magnitude`, ``None`` is allowed too."""
     allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
-    require(component in allowed, "component", component, f"one of {allowed}", "name one of them")
+    require(component in allowed, "component", component, f"one of {allowed}", "pass one of these")
 
 
 def require_axes(axes: str) -> None:
     """Check for "global" or "body"."""
     known = ("global", "body")
-    require(axes in known, "axes", axes, f"one of {known}", "name one of them")
+    require(axes in known, "axes", axes, f"one of {known}", "pass one of these")
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:
-    """A row of numbers as a tuple, which compares and hashes by value."""
+    """Return a row of numbers as a tuple, which compares and hashes by value."""
     return tuple(np.atleast_1d(as_number(values)).tolist())
 
 
 def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
-    """A row of numbers as a tuple; ``None`` where none are given."""
+    """Return a row of numbers as a tuple, or ``None``."""
     return None if values is None else numbers(values)
 
 
-def part(vector: Vector, component: Component | None) -> Scalar:
-    """A component of a vector, or for ``None`` its magnitude."""
+def component_or_magnitude(vector: Vector, component: Component | None) -> Scalar:
+    """Return a component of a vector, or its magnitude for ``None``."""
     return norm_and_direction(vector)[0] if component is None else getattr(vector, component)

@@ -1,4 +1,4 @@
-"""Quantities of bodies and their points: what cameras, encoders and accelerometers see."""
+"""Quantities of bodies and their points, such as the signals of cameras and accelerometers."""
 
 import math
 from typing import ClassVar
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..fields.checks import require, require_axis, require_point
 from ..math.rotations import transverse_axes, unit
+from ..math.smoothing import norm_and_direction
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import GROUND
 from ..model.scene import Scene
@@ -16,9 +17,9 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    component_or_magnitude,
     numbers,
     optional_numbers,
-    part,
     require_axes,
     require_component,
     require_known,
@@ -27,20 +28,22 @@ from .instant import Instant
 
 
 class AbstractBodyQuantity(AbstractQuantity):
-    """A quantity of one body; `of_ground` tells whether the ground has it too."""
+    """A quantity of one body; `applies_to_ground` states whether the ground has it too."""
 
     body: eqx.AbstractVar[str]
-    of_ground: ClassVar[bool] = True
+    applies_to_ground: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a body of this name, or that it is the ground where the ground
-        has the quantity."""
-        bodies = [GROUND, *scene.bodies] if self.of_ground else scene.bodies
+        """Check that the scene has a body of this name; the ground counts if it has the
+        quantity."""
+        bodies = [GROUND, *scene.bodies] if self.applies_to_ground else scene.bodies
         require_known("body", self.body, bodies)
 
 
 class Position(AbstractBodyQuantity):
     """Global coordinate of a body's centre of mass, m.
+
+    **Arguments:** `body`: its name. `component`: "x", "y" or "z".
 
     >>> height = cj.quantities.Position("arm 3", "z")
     >>> height.unit
@@ -55,12 +58,14 @@ class Position(AbstractBodyQuantity):
         require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The global coordinate of the centre of mass, m."""
+        """Return the global coordinate of the centre of mass, m."""
         return getattr(now.motions[self.body].position, self.component)
 
 
 class Velocity(AbstractBodyQuantity):
-    """Velocity of a body's centre of mass, m/s: its magnitude, or a global component.
+    """Velocity of a body's centre of mass, m/s: its magnitude or a global component.
+
+    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
 
     >>> quantity = cj.quantities.Velocity("arm 3", "y")
     >>> quantity.unit
@@ -75,12 +80,14 @@ class Velocity(AbstractBodyQuantity):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The velocity of the centre of mass, m/s."""
-        return part(now.motions[self.body].velocity, self.component)
+        """Return the velocity of the centre of mass, m/s."""
+        return component_or_magnitude(now.motions[self.body].velocity, self.component)
 
 
 class Acceleration(AbstractBodyQuantity):
-    """Acceleration of a body's centre of mass, m/s^2: its magnitude, or a global component.
+    """Acceleration of a body's centre of mass, m/s^2: its magnitude or a global component.
+
+    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
 
     >>> quantity = cj.quantities.Acceleration("arm 3", "y")
     >>> quantity.unit
@@ -90,14 +97,14 @@ class Acceleration(AbstractBodyQuantity):
     body: str = eqx.field(static=True)
     component: Component | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "m/s^2"
-    of_ground: ClassVar[bool] = False
+    applies_to_ground: ClassVar[bool] = False
 
     def __check_init__(self):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The acceleration of the centre of mass, m/s^2."""
-        return part(now.dynamics.accelerations[self.body].linear, self.component)
+        """Return the acceleration of the centre of mass, m/s^2."""
+        return component_or_magnitude(now.dynamics.accelerations[self.body].linear, self.component)
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
@@ -112,7 +119,11 @@ class AbstractPointQuantity(AbstractBodyQuantity):
 class PointPosition(AbstractPointQuantity):
     """Global coordinate of a point of a body, m.
 
-    **Arguments:** `body`: its name; `point`: (3,) m in body axes; `component`: "x", "y" or "z".
+    **Arguments:**
+
+    - `body`: its name.
+    - `point`: (3,) m in body axes.
+    - `component`: "x", "y" or "z".
 
     >>> tip = cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y")
     >>> tip.unit
@@ -128,14 +139,14 @@ class PointPosition(AbstractPointQuantity):
         require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The global coordinate of the point, m."""
+        """Return the global coordinate of the point, m."""
         return getattr(now.motions[self.body].point(Vector(*self.point)), self.component)
 
 
 class PointVelocity(AbstractPointQuantity):
-    """Velocity of a point of a body, m/s: its magnitude, or a global component.
+    """Velocity of a point of a body, m/s: its magnitude or a global component.
 
-    **Arguments:** as `PointPosition`; `component` may be ``None``.
+    **Arguments:** as for `PointPosition`; `component` may be ``None`` for the magnitude.
 
     >>> tip = cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y")
     >>> tip.unit
@@ -151,21 +162,23 @@ class PointVelocity(AbstractPointQuantity):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The velocity of the point, m/s."""
-        return part(now.motions[self.body].velocity_at(Vector(*self.point)), self.component)
+        """Return the velocity of the point, m/s."""
+        return component_or_magnitude(
+            now.motions[self.body].velocity_at(Vector(*self.point)), self.component
+        )
 
 
 class PointAcceleration(AbstractPointQuantity):
-    """Acceleration of a point of a body, m/s^2: its magnitude, or a component.
+    """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
-    An accelerometer is fixed to the body and feels its support, not the fall: it reads the specific
-    force, `PointAcceleration(body, point, component, axes="body", gravity=True)`.
+    An accelerometer on the body measures the specific force, acceleration minus gravity:
+    `PointAcceleration(body, point, component, axes="body", gravity=True)`.
 
     **Arguments:**
 
-    - `body`, `point`, `component`: as `PointVelocity`.
+    - `body`, `point`, `component`: as for `PointVelocity`.
     - `axes`: "global" or "body", in which the component is taken.
-    - `gravity`: whether the scene's gravity is subtracted: acceleration less g.
+    - `gravity`: whether the scene's gravity is subtracted from the acceleration.
 
     >>> point = (0.06, 0, 0)
     >>> sensor = cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True)
@@ -179,39 +192,39 @@ class PointAcceleration(AbstractPointQuantity):
     axes: Axes = eqx.field(default="global", static=True)
     gravity: bool = eqx.field(default=False, static=True)
     unit: ClassVar[str | None] = "m/s^2"
-    of_ground: ClassVar[bool] = False
+    applies_to_ground: ClassVar[bool] = False
 
     def __check_init__(self):
         require_component(self.component, magnitude=True)
         require_axes(self.axes)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The acceleration of the point, m/s^2: that of the centre of mass, and what the body's
-        spin and angular acceleration add."""
+        """Return the acceleration of the point, m/s^2."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
         local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
-        turning = acceleration.angular.cross(local) + spin.cross(spin.cross(local))
+        relative = acceleration.angular.cross(local) + spin.cross(spin.cross(local))
         if self.gravity and now.scene.gravity is not None:
             linear = linear - now.scene.gravity
         if self.axes == "body":
-            return part(motion.components(linear) + turning, self.component)
-        return part(linear + motion.direction(turning), self.component)
+            return component_or_magnitude(motion.components(linear) + relative, self.component)
+        return component_or_magnitude(linear + motion.direction(relative), self.component)
 
 
 class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
-    The direction is projected on the plane across the axis first.
+    It is the angle of the direction's projection on the plane perpendicular to the axis.
 
     **Arguments:**
 
     - `body`: its name.
-    - `about`: (3,) the fixed axis, in global axes, of any length.
-    - `axis`: (3,) the body's direction, in body axes. Unless given, one across `about` in a body
-      whose axes are parallel to the global ones, so that a body that only turns about the fixed
-      axis has the angle by which it has turned.
-    - `reference`: (3,) the direction whose angle is zero, in global axes. Unless given, it has the
+    - `about`: the fixed axis, (3,) in global axes, any length.
+    - `reference`: the direction of zero angle, (3,) in global axes; by default it has the
       components of `axis`.
+    - `axis`: the body's direction, (3,) in body axes; by default a direction perpendicular to
+      `about`, so that a body that rotates about the fixed axis only has its angle of rotation.
+
+    **Raises:** `ValueError` if a direction is parallel to `about` or has zero length.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi
@@ -237,11 +250,11 @@ class Angle(AbstractBodyQuantity):
                 require_axis(name, direction)
                 sine = np.linalg.norm(np.cross(self.about, direction))
                 lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
-                expected = f"a direction across `about` = {self.about}, at least in part"
+                expected = f"a direction that is not parallel to `about` = {self.about}"
                 require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
     def __call__(self, now: Instant) -> Scalar:
-        """The angle, rad within (-pi, pi]."""
+        """Return the angle, rad within (-pi, pi]."""
         about = unit(Vector(*self.about))
         start, _ = transverse_axes(about)
         axis = start if self.axis is None else Vector(*self.axis)
@@ -249,3 +262,55 @@ class Angle(AbstractBodyQuantity):
         zero = zero - about * zero.dot(about)
         direction = now.motions[self.body].direction(axis)
         return jnp.arctan2(direction.dot(about.cross(zero)), direction.dot(zero))
+
+
+class Distance(AbstractQuantity):
+    """Distance between a point of one body and a point of another, m.
+
+    With `along` it is the signed distance along an axis of the first body, such as the stroke of a
+    slider in its guide. It is the signal of a displacement sensor.
+
+    ```python
+    import clearjoint as cj
+
+    stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
+    stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `along`: (3,) in the first body's axes, any length; ``None`` for the straight distance.
+
+    **Raises:** `ValueError` if a point or the axis is invalid.
+    """
+
+    first: str = eqx.field(static=True)
+    point_first: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    second: str = eqx.field(static=True)
+    point_second: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    along: tuple[float, ...] | None = eqx.field(
+        default=None, static=True, converter=optional_numbers
+    )
+    unit: ClassVar[str | None] = "m"
+
+    def __check_init__(self):
+        require_point("point_first", self.point_first)
+        require_point("point_second", self.point_second)
+        if self.along is not None:
+            require_axis("along", self.along)
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has both bodies."""
+        for argument in ("first", "second"):
+            require_known(argument, getattr(self, argument), [GROUND, *scene.bodies])
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the distance, m."""
+        first, second = now.motions[self.first], now.motions[self.second]
+        start = first.point(Vector(*self.point_first))
+        apart = second.point_from(start, Vector(*self.point_second))
+        if self.along is None:
+            return norm_and_direction(apart)[0]
+        return apart.dot(first.direction(unit(Vector(*self.along))))

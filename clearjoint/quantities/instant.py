@@ -1,4 +1,4 @@
-"""One instant of one run, as outputs and sections see it."""
+"""One instant of a run, the argument of quantities and sections."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,8 +8,8 @@ import jax
 from jaxtyping import PyTree
 
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
-from ..dynamics.contact_events import Reaches, reaches
-from ..dynamics.contact_forces import NO_BRISTLES, Bristles, LoadedContact, Memory
+from ..dynamics.contact_events import ContactGaps, contact_gaps
+from ..dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, LoadedContact
 from ..dynamics.coordinates import Motions
 from ..dynamics.energy import bristle_energy
 from ..dynamics.equations_of_motion import Dynamics
@@ -22,19 +22,18 @@ from ..model.scene import Scene
 
 @jax.tree_util.register_pytree_node_class
 class Instant:
-    """A scene at one time of a run, in scalar form. Properties are computed when they are used.
+    """A scene at one time of a run, in scalar form. Properties are computed on first use.
 
-    To JAX it is a PyTree, without the instants `inside` the step that ends there.
+    - `time`: s.
+    - `work[name]`: integrals of the energy ledger, J; "friction" includes the energy in bristles.
 
-    - `time`: s. `work[name]`: integrals of the energy ledger, J; "friction" has what bristles hold.
+    Bodies, joints and contacts have their own names, even if the run evaluates them in groups. An
+    instant is a PyTree; the instants `inside` its step are not part of the PyTree.
 
-    Bodies, joints and contacts have their own names, also where the run computes several alike
-    ones as a group.
-
-    >>> scene, state = extend.unpack(cj.double_pendulum())
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
-    >>> now = extend.Instant(system, 0.1, variables, memory={}, work={})
+    >>> now = extend.Instant(system, 0.1, variables, entry_speeds={}, work={})
     >>> height = cj.quantities.Position("arm 2", "x")
     >>> print(f"{height(now):.1f} m at {now.time} s")
     0.5 m at 0.1 s
@@ -45,56 +44,64 @@ class Instant:
         system: System,
         own_time: Scalar,
         variables: PyTree,
-        memory: Memory,
+        entry_speeds: EntrySpeeds,
         work: dict[str, Scalar],
         bristles: Bristles = NO_BRISTLES,
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
         self._own_time = own_time
-        self._system, self._memory, self._variables = system, memory, variables
+        self._system, self._entry_speeds, self._variables = system, entry_speeds, variables
         self._bristles = bristles
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
-        """What JAX sees of it."""
-        parts = self._system, self.time, self._variables, self._memory, self.work, self._bristles
+        """Return the dynamic parts for JAX."""
+        parts = (
+            self._system,
+            self.time,
+            self._variables,
+            self._entry_speeds,
+            self.work,
+            self._bristles,
+        )
         return parts, None
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
-        """The instant of such parts."""
+        """Return the instant with the given parts."""
         return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene, groups of alike elements taken apart."""
+        """The scene, with groups of elements expanded."""
         return self._system.ungrouped()
 
     @cached_property
-    def memory(self) -> Memory:
+    def entry_speeds(self) -> EntrySpeeds:
         """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
-        return by_name(self._memory)
+        return by_name(self._entry_speeds)
 
     @cached_property
     def bristles(self) -> Bristles:
-        """Deflections of the contacts' bristles, m, in the axes of each one's first body, by joint
-        and contact; zero in flight."""
+        """Bristle deflections, m, by joint and contact, in the axes of the first body; zero in
+        flight."""
         return by_name(self._bristles)
 
-    def inside(self, place: Scalar) -> "Instant":
-        """An instant of the step that ends here, by the solver's dense output: `place` is the part
-        of its time that has passed, between 0 and 1.
+    def inside(self, fraction: Scalar) -> "Instant":
+        """Return an instant of the step that ends here, from the solver's dense output.
 
-        **Raises:** `ValueError` for an instant that ends no step.
+        **Arguments:** `fraction`: of the step's duration, between 0 and 1.
+
+        **Raises:** `ValueError` if this instant isn't the end of a step.
         """
         if self._inside is None:
-            raise ValueError("Only an instant that ends a step has others `inside` it.")
-        return self._inside(place)
+            raise ValueError("Only an instant at the end of a step has instants `inside` the step.")
+        return self._inside(fraction)
 
     @cached_property
     def middle(self) -> "Instant":
-        """The instant half-way through the step that ends here; see `inside`."""
+        """The instant halfway through the step that ends here; see `inside`."""
         return self.inside(0.5)
 
     @cached_property
@@ -104,7 +111,7 @@ class Instant:
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
-        """Position, orientation, velocity and spin of each body, as a state holds them."""
+        """Position, orientation, velocity and spin of each body, as in a state."""
         return by_name(self._system.decode(self._variables))
 
     @cached_property
@@ -114,36 +121,39 @@ class Instant:
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
         """Geometry and forces of all contacts, by joint and contact."""
-        forces = self._system.contact_forces(self._variables, self._memory, self._bristles)
+        forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
         return by_name(forces)
 
     @cached_property
     def bristle_energy(self) -> Scalar | None:
-        """What the contacts' bristles would give back, J; ``None`` in a scene without."""
+        """Recoverable energy of the bristles, J; ``None`` in a scene without bristles."""
         if not self._bristles:
             return None
         return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
     @cached_property
-    def reaches(self) -> Reaches:
-        """Depth of each contact, m, from where its force begins, and the rate of it, m/s."""
-        return by_name(reaches(self._system.scene, self._motions))
+    def contact_gaps(self) -> ContactGaps:
+        """Depth of each contact, m, relative to its onset, and its rate, m/s."""
+        return by_name(contact_gaps(self._system.scene, self._motions))
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """The equations of motion solved: accelerations, constraint rows, multipliers."""
+        """Solution of the equations of motion: accelerations, constraint rows and multipliers."""
         solved = self._system.dynamics(
-            self._variables, self._memory, self._own_time, bristles=self._bristles
+            self._variables, self._entry_speeds, self._own_time, bristles=self._bristles
         )
         return replace(solved, contact_forces=by_name(solved.contact_forces))
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
-        """`dynamics` in absolute coordinates, in which every ideal joint has its multipliers."""
+        """`dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
+        # Joint coordinates eliminate ideal joints, whose multipliers are then unknown.
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics
         formulation = replace(formulation, coordinates=coordinates)
         absolute = System(self.scene, formulation, self._system.origin)
         variables = absolute.encode(by_name(self._system.decode(self._variables)))
-        return absolute.dynamics(variables, self.memory, self._own_time, bristles=self.bristles)
+        return absolute.dynamics(
+            variables, self.entry_speeds, self._own_time, bristles=self.bristles
+        )

@@ -1,4 +1,4 @@
-"""Quantities of joints: contacts, the journal in its bearing, reactions and angles."""
+"""Quantities of joints: contacts, the journal in its bearing, reactions, films and angles."""
 
 import math
 from collections.abc import Collection
@@ -11,14 +11,14 @@ from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector
 from ..model.bodies import NO_WRENCH, Wrench
+from ..model.clearance_joints.journal_bases import BASES, HasJournal
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
-from ..model.plays.journal_bases import BASES, HasJournal
 from ..model.scene import Scene
 from .base import (
     AbstractQuantity,
     Axes,
     Component,
-    part,
+    component_or_magnitude,
     require_axes,
     require_component,
     require_known,
@@ -27,27 +27,26 @@ from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):
-    """A quantity of one joint, `joint` by name."""
+    """A quantity of the joint with the name `joint`."""
 
     joint: eqx.AbstractVar[str]
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a joint of this name that has the quantity."""
+        """Check that the scene has a joint of this name with this quantity."""
         require_known("joint", self.joint, self.joints(scene))
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the scene's joints that have the quantity; all unless a subclass overrides
-        it."""
+        """Return the names of the scene's joints that have the quantity; all joints by default."""
         return scene.joints
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """A quantity of one contact of a joint, `contact` by name, "V" say."""
+    """A quantity of a contact of a joint; `contact` is its name, such as "V"."""
 
     contact: eqx.AbstractVar[str | None]
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the joints with contacts."""
+        """Return the names of the joints with contacts."""
         return scene.contact_joints()
 
     def check(self, scene: Scene) -> None:
@@ -58,7 +57,9 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact of a joint, N; without `contact` the largest of the joint's.
+    """Normal force of a contact, N; without `contact` the largest force of the joint's contacts.
+
+    **Arguments:** `joint`, `contact`: names; `contact` may be ``None``.
 
     >>> largest = cj.quantities.ContactForce("shoulder")
     >>> base = cj.quantities.ContactForce("shoulder", "V")
@@ -71,7 +72,7 @@ class ContactForce(AbstractContactQuantity):
     unit: ClassVar[str | None] = "N"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The normal force, N."""
+        """Return the normal force, N."""
         contacts = now.contacts[self.joint]
         forces = contacts.values() if self.contact is None else [contacts[self.contact]]
         largest: Scalar = 0.0
@@ -81,7 +82,7 @@ class ContactForce(AbstractContactQuantity):
 
 
 class FrictionForce(AbstractContactQuantity):
-    """Magnitude of the friction at a contact of a joint, N; zero without friction.
+    """Magnitude of the friction force at a contact, N; zero without friction.
 
     >>> quantity = cj.quantities.FrictionForce("shoulder", "V")
     >>> quantity.unit
@@ -93,13 +94,13 @@ class FrictionForce(AbstractContactQuantity):
     unit: ClassVar[str | None] = "N"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The magnitude of the friction force, N."""
+        """Return the magnitude of the friction force, N."""
         friction = now.contacts[self.joint][self.contact].friction
         return 0.0 if friction is None else norm_and_direction(friction)[0]
 
 
 class Penetration(AbstractContactQuantity):
-    """Penetration of a contact, m: negative in flight, so that it rises through zero at onsets.
+    """Penetration of a contact, m; negative in flight, with upward zero crossings at onsets.
 
     >>> quantity = cj.quantities.Penetration("shoulder", "V")
     >>> quantity.unit
@@ -111,12 +112,12 @@ class Penetration(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The penetration, m; negative in flight."""
+        """Return the penetration, m; negative in flight."""
         return now.contacts[self.joint][self.contact].contact.gap.depth
 
 
 class PenetrationRate(AbstractContactQuantity):
-    """Rate of the penetration of a contact, m/s: at an onset, the entry speed.
+    """Rate of a contact's penetration, m/s; at an onset it is the entry speed.
 
     >>> quantity = cj.quantities.PenetrationRate("shoulder", "V")
     >>> quantity.unit
@@ -128,13 +129,14 @@ class PenetrationRate(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The rate of the penetration, m/s; positive while the bodies approach."""
+        """Return the rate of the penetration, m/s; positive while the bodies approach."""
         return now.contacts[self.joint][self.contact].contact.gap.rate
 
 
 class EntrySpeed(AbstractContactQuantity):
-    """Speed at which a contact closed, m/s, while it lasts; zero in flight. Only contacts whose law
-    uses its entry speed have it.
+    """Entry speed of the current contact, m/s; zero in flight.
+
+    It exists only for contacts whose law uses the entry speed.
 
     >>> quantity = cj.quantities.EntrySpeed("shoulder", "V")
     >>> quantity.unit
@@ -146,16 +148,17 @@ class EntrySpeed(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """The entry speed, m/s; zero in flight."""
-        return now.memory[self.joint][self.contact]
+        """Return the entry speed, m/s; zero in flight."""
+        return now.entry_speeds[self.joint][self.contact]
 
 
 class BristleDeflection(AbstractContactQuantity):
-    """Size of the deflection of a contact's bristles, m; zero in flight. Only contacts whose
-    friction is an `AbstractBristleFriction` have it.
+    """Magnitude of the bristle deflection of a contact, m; zero in flight.
+
+    It exists only for contacts with an `AbstractBristleFriction`.
 
     >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
-    >>> deflection.check(cj.double_pendulum(friction=cj.Dahl(0.1))[0])  # are there bristles?
+    >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
     """
 
     joint: str = eqx.field(static=True)
@@ -163,7 +166,7 @@ class BristleDeflection(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the joints with bristles."""
+        """Return the names of the joints with bristles."""
         return scene.bristle_laws()
 
     def check(self, scene: Scene) -> None:
@@ -172,7 +175,7 @@ class BristleDeflection(AbstractContactQuantity):
         require_known("contact", self.contact, scene.bristle_laws()[self.joint])
 
     def __call__(self, now: Instant) -> Scalar:
-        """The size of the deflection, m."""
+        """Return the magnitude of the deflection, m."""
         return norm_and_direction(now.bristles[self.joint][self.contact])[0]
 
 
@@ -182,22 +185,32 @@ class AbstractJournalQuantity(AbstractJointQuantity):
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the clearance joints."""
+        """Return the names of the clearance joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Vector from the bearing's centre to the journal's, or to that of a base, in the bearing's
-        frame, m."""
+        """Return the vector from the bearing's centre to that of the journal or of a base, m.
+
+        Components are in the bearing's frame, whose z axis is the bearing's axis.
+        """
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, HasJournal)
         return joint.journal_offset(now.motions, base)
 
 
 class JournalOffset(AbstractJournalQuantity):
-    """Centre of a clearance joint's journal, or of one base, in the bearing's frame, m.
+    """One component of the vector from the bearing's centre to the journal's centre, m.
 
-    Components "x" and "y" are across the bearing's axis, "z" is along it. `base` is "V" or "W".
-    What a proximity probe on the bearing sees.
+    The vector ends at the centre of a base instead if `base` is given. Its component is the signal
+    of a proximity probe on the bearing.
+
+    **Arguments:**
+
+    - `joint`: name of a clearance joint.
+    - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
+      the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
+      the axes of the body.
+    - `base`: "V" or "W", or ``None`` for the journal's centre.
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
     >>> probes["x"].unit
@@ -213,16 +226,18 @@ class JournalOffset(AbstractJournalQuantity):
         _require_base(self.base)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The component of the offset, m."""
+        """Return the component of the offset, m."""
         return getattr(self.offset(now, self.base), self.component)
 
 
 class Eccentricity(AbstractJournalQuantity):
-    """Distance of the centre of a clearance joint's journal, or of one base, from the bearing's
-    axis, m. `base` is "V" or "W".
+    """Distance of a journal's centre, or of the centre of a base, from the bearing's axis, m.
+
+    **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", or ``None`` for the
+    journal's centre.
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
-    >>> eccentricity.check(cj.double_pendulum()[0])  # is there such a joint?
+    >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
     """
 
     joint: str = eqx.field(static=True)
@@ -232,40 +247,45 @@ class Eccentricity(AbstractJournalQuantity):
         _require_base(self.base)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The distance from the bearing's axis, m."""
+        """Return the distance from the bearing's axis, m."""
         offset = self.offset(now, self.base)
         return norm_and_direction(Vector(offset.x, offset.y, 0.0))[0]
 
 
 class Multiplier(AbstractJointQuantity):
-    """Multiplier of a constraint row, N or N m: of a driver, the moment it exerts.
+    """Lagrange multiplier of a constraint row: the force or moment by which the joint holds it.
 
-    Joints that the coordinates eliminate have none; see `Reaction`.
+    The unit is N for a row in m, otherwise N m. For a driver, the multiplier is the
+    driving force or moment. Joints that the coordinates eliminate have no multipliers; use
+    `Reaction` for them.
+
+    **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
+    dictionary that the joint's method `rows` returns.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
-    >>> torque.check(cj.slider_crank()[0])  # is there such a row?
+    >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the joint have this row?
     """
 
     joint: str = eqx.field(static=True)
     row: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The multiplier of the row, N or N m."""
+        """Return the multiplier of the row, N or N m."""
         return now.dynamics.multipliers[self.joint][self.row]
 
 
 class AbstractReaction(AbstractJointQuantity):
-    """What a joint does to one of its bodies, `body` by name; the ground is a body here."""
+    """A reaction of a joint on one of its bodies; `body` is its name, which may be the ground."""
 
     body: eqx.AbstractVar[str]
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint holds the body."""
+        """Check that the scene has the joint, and that the joint acts on the body."""
         super().check(scene)
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """What the joint's constraints do: the sum of the rows' directions times their
+        """Return the wrench of the joint's constraints: Jacobians of the rows times their
         multipliers."""
         dynamics, wrench = now.absolute_dynamics, NO_WRENCH
         for label, row in dynamics.rows[self.joint].items():
@@ -276,12 +296,11 @@ class AbstractReaction(AbstractJointQuantity):
 
 
 class Reaction(AbstractReaction):
-    """Force of a joint on one of its bodies, N: its magnitude, or a global component.
+    """Force of a joint on one of its bodies, N: its magnitude or a global component.
 
-    Of an ideal joint that of `observe`, also where the coordinates eliminate the joint; not unique,
-    and then of least norm, where constraints are redundant. Of a joint with clearance the sum of
-    its contacts' normal forces and friction, of its film's force and of what holds it axially. The
-    ground is a body here.
+    For an ideal joint it is the reaction of `observe`, even if the coordinates eliminate the joint.
+    With redundant constraints it isn't unique, and the least-norm solution is used. For a joint
+    with clearance it is the sum of normal forces, friction, film force and axial reaction.
 
     ```python
     import clearjoint as cj
@@ -290,8 +309,10 @@ class Reaction(AbstractReaction):
     outputs = {"largest load": cj.Peak(load, "N")}
     ```
 
-    **Arguments:** `joint`, `body`: names; `component`: "x", "y", "z", or ``None`` for the
-    magnitude.
+    **Arguments:**
+
+    - `joint`, `body`: names; the body may be the ground.
+    - `component`: "x", "y", "z", or ``None`` for the magnitude.
 
     >>> force = cj.quantities.Reaction("elbow", "arm 3")
     >>> force.unit
@@ -307,30 +328,30 @@ class Reaction(AbstractReaction):
         require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The force, N."""
+        """Return the force, N."""
         joint, force = now.scene.joints[self.joint], ZERO
         if isinstance(joint, AbstractContactJoint):
             force = self._contact_force(joint, now)
         if joint.rows(now.motions, now.time):
             force = force + self.constraint_wrench(now).force
-        return part(force, self.component)
+        return component_or_magnitude(force, self.component)
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
-        """Of the contacts and the film on the body, N, global."""
+        """Return the force of the contacts and the film on the body, N, global."""
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
+            # A contact with `turning` acts as a couple, without a net force.
             if loaded.contact.turning is None:
                 on_second = on_second - loaded.contact.normal * loaded.normal_force
                 on_second = on_second if loaded.friction is None else on_second + loaded.friction
-        of_film = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force
-        return (on_second if self.body == joint.pair()[1] else -on_second) + of_film
+        film_force = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force
+        return (on_second if self.body == joint.pair()[1] else -on_second) + film_force
 
 
 class ReactionMoment(AbstractReaction):
-    """Moment of an ideal joint on one of its bodies about the joint's point on it, N m: its
-    magnitude, or a component. Of a driver the driving moment.
+    """Moment of an ideal joint on one of its bodies about the joint's point on it, N m.
 
-    Unique where the `Reaction` is.
+    For a driver it is the driving moment. It is unique under the same conditions as `Reaction`.
 
     ```python
     import clearjoint as cj
@@ -338,8 +359,11 @@ class ReactionMoment(AbstractReaction):
     bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
     ```
 
-    **Arguments:** `joint`, `body`: names; `component`: "x", "y", "z", or ``None`` for the
-    magnitude; `axes`: "global" or "body", in which the component is taken.
+    **Arguments:**
+
+    - `joint`, `body`: names.
+    - `component`: "x", "y", "z", or ``None`` for the magnitude.
+    - `axes`: "global" or "body", in which the component is taken.
 
     **Raises:** `ValueError` for other components or axes.
     """
@@ -355,29 +379,72 @@ class ReactionMoment(AbstractReaction):
         require_axes(self.axes)
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the ideal joints."""
+        """Return the names of the ideal joints."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
     def __call__(self, now: Instant) -> Scalar:
-        """The moment, N m."""
+        """Return the moment, N m."""
         wrench, motion = self.constraint_wrench(now), now.motions[self.body]
+        # The wrench refers to the centre of mass: move its moment to the joint's point.
         moment = wrench.moment
         for _, body, point in now.scene.joints[self.joint].attachments():
             if body == self.body:
                 moment = moment - point.cross(motion.components(wrench.force))
-        return part(moment if self.axes == "body" else motion.direction(moment), self.component)
+        return component_or_magnitude(
+            moment if self.axes == "body" else motion.direction(moment), self.component
+        )
+
+
+class FilmForce(AbstractJointQuantity):
+    """Force of a joint's film on its journal, N: its magnitude or a global component.
+
+    **Arguments:** `joint`: name. `component`: "x", "y", "z", or ``None`` for the magnitude.
+
+    >>> force = cj.quantities.FilmForce("bearing", "y")
+    >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
+    """
+
+    joint: str = eqx.field(static=True)
+    component: Component | None = eqx.field(default=None, static=True)
+    unit: ClassVar[str | None] = "N"
+
+    def __check_init__(self):
+        require_component(self.component, magnitude=True)
+
+    def joints(self, scene: Scene) -> Collection[str]:
+        """Return the names of the joints with a film."""
+        kinds = {name: type(joint) for name, joint in scene.contact_joints().items()}
+        default = AbstractContactJoint.film_wrenches
+        return [name for name, kind in kinds.items() if kind.film_wrenches is not default]
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the force, N."""
+        joint = now.scene.contact_joints()[self.joint]
+        _, journal = joint.pair()
+        return component_or_magnitude(
+            joint.film_wrenches(now.motions)[journal].force, self.component
+        )
+
+
+@runtime_checkable
+class HasRelativeAngle(Protocol):
+    """A joint or a force element with a relative angle."""
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the angle, rad, as a row."""
+        ...
 
 
 class JointAngle(AbstractJointQuantity):
-    """Angle of a joint's second body about its first, rad within (-pi, pi], right-handed.
+    """Angle of a joint's second body relative to its first, rad within (-pi, pi], right-handed.
 
-    - Of a revolute, cylindrical or clearance joint: about the axis in the first body. It is zero
-      where the bodies' frames are parallel, if the axis has the same components in both.
-    - Of a driver or a drive torque: the angle that it drives.
-    - Of a joint of one's own: if it has a method ``turn(motions)`` like these.
+    - Revolute, cylindrical and clearance joints: the angle about the axis of the first body. It is
+      zero for parallel frames if the axis has the same components in both bodies.
+    - Drivers and drive torques: the driven angle.
+    - User-defined joints: any joint with a method ``relative_angle(motions)`` that returns a row.
 
-    Of a series that is saved often enough ``numpy.unwrap`` counts the revolutions; a state does not
-    hold their number.
+    A state doesn't contain the number of revolutions. Use ``numpy.unwrap`` for a series with enough
+    samples per revolution.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> angle.unit, angle.period == 2 * np.pi
@@ -389,29 +456,22 @@ class JointAngle(AbstractJointQuantity):
     period: ClassVar[float | None] = 2.0 * math.pi
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Names of the joints and forces that have an angle."""
-        return turning_elements(scene)
+        """Return the names of the joints and forces with an angle."""
+        return elements_with_angle(scene)
 
     def __call__(self, now: Instant) -> Scalar:
-        """The angle, rad within (-pi, pi]."""
-        return turning_elements(now.scene)[self.joint].turn(now.motions).value
-
-
-@runtime_checkable
-class Turning(Protocol):
-    """A joint or a force that has an angle."""
-
-    def turn(self, motions: Motions) -> Row:
-        """The angle, rad."""
-        ...
+        """Return the angle, rad within (-pi, pi]."""
+        return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions).value
 
 
 def _require_base(base: str | None) -> None:
     known = (*BASES, None)
-    require(base in known, "base", base, f"one of {known}", "name one of them")
+    require(base in known, "base", base, f"one of {known}", "pass one of these")
 
 
-def turning_elements(scene: Scene) -> dict[str, Turning]:
-    """The joints and forces that have an angle."""
+def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
+    """Return the joints and forces with a relative angle by name."""
     elements = {**scene.joints, **scene.forces}
-    return {name: one for name, one in elements.items() if isinstance(one, Turning)}
+    return {
+        name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)
+    }

@@ -1,2 +1,4 @@
-"""Pages of every public name from its docstring, by pdoc: needs the extra `reference`.
-`python -m clearjoint.reference` writes them."""
+"""Reference pages of all public names, generated from docstrings by pdoc.
+
+`python -m clearjoint.reference` writes them; it needs the extra `reference`.
+"""

@@ -6,6 +6,8 @@ import types
 import warnings
 from pathlib import Path
 
+import clearjoint
+
 try:
     import pdoc.doc
     import pdoc.render
@@ -14,11 +16,24 @@ except ImportError as error:
         'The reference pages need pdoc: pip install "clearjoint[reference]"'
     ) from error
 
-MODULES = ("", ".extend", ".plot", ".presets", ".quantities", ".simulation.presets", ".testing")
+MODULES = (
+    "",
+    ".extend",
+    ".films",
+    ".frictions",
+    ".laws",
+    ".mechanisms",
+    ".plot",
+    ".presets",
+    ".quantities",
+    ".results",
+    ".simulation.step.presets",
+    ".testing",
+)
 
 
 def main() -> None:
-    """Write the pages and say where they begin."""
+    """Write the pages and print the path of the first one."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
@@ -28,15 +43,18 @@ def main() -> None:
     pages = {}
     for suffix in MODULES:
         module = importlib.import_module("clearjoint" + suffix)
-        # pdoc leaves names out that are imported from elsewhere, unless they are in `__all__`.
+        # pdoc omits names that are imported from elsewhere, unless they are in `__all__`.
         vars(module)["__all__"] = [
             name
             for name, value in vars(module).items()
             if not name.startswith("_") and not isinstance(value, types.ModuleType)
         ]
         pages[module.__name__] = pdoc.doc.Module(module)
+    package = pages["clearjoint"]
+    changes = Path(clearjoint.__file__).with_name("CHANGELOG.md").read_text(encoding="utf-8")
+    package.docstring = f"{package.docstring}\n\n{changes}"
     pdoc.render.configure(docformat="markdown", math=True, show_source=False)
-    with warnings.catch_warnings():  # of annotations that pdoc can't place
+    with warnings.catch_warnings():  # about annotations that pdoc cannot resolve
         warnings.simplefilter("ignore")
         for name, page in pages.items():
             html = pdoc.render.html_module(page, pages)

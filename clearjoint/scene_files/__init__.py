@@ -1,2 +1,2 @@
-"""Scenes and states as files, TOML or JSON, whose form follows from the classes and their units;
-and scenes of URDF files."""
+"""Scenes and states in TOML, JSON and URDF files. The format of TOML and JSON follows from the
+arguments of the classes and their units."""

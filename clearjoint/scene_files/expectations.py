@@ -1,4 +1,4 @@
-"""What the constructor of a class takes: by the annotations of its fields and their units."""
+"""Arguments of a class's constructor: the values that each may have, from annotations and units."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -14,24 +14,23 @@ import numpy as np
 from ..model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
 
-MAKERS: dict[type, Callable[..., object]] = {BodyState: body_state}
-"""Functions that make what a class alone would not check."""
+CONSTRUCTORS: dict[type, Callable[..., object]] = {BodyState: body_state}
+"""Functions that make and check an instance of a class whose constructor does not check."""
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """What may stand at a place.
+    """Values that an argument or an entry may have.
 
-    - `unit`: of its numbers, if it is declared.
-    - `shapes`: of its numbers, those known.
-    - `is_array`: whether its numbers are an array, also where there is but one.
-    - `classes`: of which it is an instance, if of any.
-    - `options`: an enumeration that it is a member of.
-    - `is_text`: whether it may be a text that stands for itself.
+    - `unit`: unit of its numbers, if it is declared.
+    - `shapes`: known shapes of its numbers.
+    - `is_array`: whether its numbers become an array, also a single one.
+    - `classes`: base classes of the objects that it may be.
+    - `options`: the enumeration of its values.
+    - `is_text`: whether it may be a text.
     - `is_flag`: whether it may be true or false.
-    - `is_anything`: whether nothing is known of it.
-    - `by_name`, `item`: what the entries of a table, or of a list, are.
-    - `is_optional`: whether it may be ``None``.
+    - `is_anything`: whether nothing is known about it.
+    - `by_name`, `item`: the expected entries of a table or of a list.
     """
 
     unit: str | None = None
@@ -44,7 +43,6 @@ class Expectation:
     is_anything: bool = False
     by_name: "Expectation | None" = None
     item: "Expectation | None" = None
-    is_optional: bool = False
 
 
 ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
@@ -52,7 +50,7 @@ ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of a constructor: what it expects, and its default, if it has one."""
+    """An argument of a constructor: the expected value, and the default if it has one."""
 
     expected: Expectation
     is_required: bool
@@ -60,44 +58,51 @@ class Argument:
 
 
 @cache
-def ways_to_make(kind: type) -> dict[str, Callable[..., object]]:
-    """Public static methods of a class that return one of it, by their names."""
+def factories(kind: type) -> dict[str, Callable[..., object]]:
+    """Public static methods of a class that return an instance of it, by name."""
     methods = {
         name: member.__func__
         for name, member in vars(kind).items()
         if isinstance(member, staticmethod) and not name.startswith("_")
     }
-    return {name: way for name, way in methods.items() if _hints(way).get("return") is kind}
+    return {
+        name: method for name, method in methods.items() if _hints(method).get("return") is kind
+    }
+
+
+def constructor(kind: type, factory: str = "") -> Callable[..., object]:
+    """The function that makes an instance of a class, or its factory method of a name."""
+    return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
 
 
 @cache
-def arguments(kind: type, way: str = "") -> dict[str, Argument]:
-    """What the constructor of a class takes, or another way to make it, by name."""
-    maker = ways_to_make(kind)[way] if way else MAKERS.get(kind, kind.__init__)
-    hints = _hints(maker) | _hints(kind)
+def arguments(kind: type, factory: str = "") -> dict[str, Argument]:
+    """Arguments of a class's constructor, or of one of its factory methods, by name."""
+    make = constructor(kind, factory)
+    make = kind.__init__ if make is kind else make
+    hints = _hints(make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
-    found = {}
-    for name, parameter in inspect.signature(maker).parameters.items():
+    result = {}
+    for name, parameter in inspect.signature(make).parameters.items():
         if name == "self" or parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             continue
         required = parameter.default is parameter.empty
-        expected = _declared(expectation(hints.get(name, Any)), declared.get(name, {}))
-        found[name] = Argument(expected, required, None if required else parameter.default)
-    return found
+        expected = _with_unit(expectation(hints.get(name, Any)), declared.get(name, {}))
+        result[name] = Argument(expected, required, None if required else parameter.default)
+    return result
 
 
-def _declared(expected: Expectation, metadata: Mapping) -> Expectation:
-    """What is expected of a field that declares a unit, and perhaps a shape."""
+def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
+    """The expectation with the unit and the shape that a field's metadata declares."""
     if "unit" not in metadata:
         return expected
     shape = getattr(metadata.get("declared"), "shape", None)
-    shapes = expected.shapes if shape is None else (shape,)
     return replace(
         expected,
         unit=metadata["unit"],
-        shapes=shapes,
-        by_name=expected.by_name and _declared(expected.by_name, metadata),
-        item=expected.item and _declared(expected.item, {"unit": metadata["unit"]}),
+        shapes=expected.shapes if shape is None else (shape,),
+        by_name=expected.by_name and _with_unit(expected.by_name, metadata),
+        item=expected.item and _with_unit(expected.item, {"unit": metadata["unit"]}),
         is_text=expected.is_text and not expected.is_anything,
         is_flag=expected.is_flag and not expected.is_anything,
         is_anything=False,
@@ -105,7 +110,7 @@ def _declared(expected: Expectation, metadata: Mapping) -> Expectation:
 
 
 def _hints(owner: object) -> dict[str, object]:
-    """Annotations of a class or of a function; as they are written where a name is unknown."""
+    """Annotations of a class or function; unresolved texts where one names an unknown type."""
     try:
         return get_type_hints(owner, include_extras=True)
     except NameError:
@@ -113,30 +118,25 @@ def _hints(owner: object) -> dict[str, object]:
 
 
 def expectation(annotation: object) -> Expectation:
-    """What an annotation says of the values there; a text in `Annotated` is their unit."""
+    """The values that an annotation allows; a text in `Annotated` is their unit."""
     if get_origin(annotation) is Annotated:
         inner, *notes = get_args(annotation)
         unit = next((note for note in notes if isinstance(note, str)), None)
         return replace(expectation(inner), unit=unit)
-    joined = get_origin(annotation) in (Union, UnionType)
-    kinds = get_args(annotation) if joined else (annotation,)
+    is_union = get_origin(annotation) in (Union, UnionType)
+    kinds = get_args(annotation) if is_union else (annotation,)
     parts = [_of_one(kind) for kind in kinds if kind is not NoneType]
-    return Expectation(
-        unit=next((part.unit for part in parts if part.unit), None),
-        shapes=tuple(shape for part in parts for shape in part.shapes),
-        is_array=any(part.is_array for part in parts),
-        classes=tuple(kind for part in parts for kind in part.classes),
-        options=next((part.options for part in parts if part.options), None),
-        is_text=any(part.is_text for part in parts),
-        is_flag=any(part.is_flag for part in parts),
-        is_anything=any(part.is_anything for part in parts),
-        by_name=next((part.by_name for part in parts if part.by_name), None),
-        item=next((part.item for part in parts if part.item), None),
-        is_optional=NoneType in kinds,
-    )
+    # Members of a union: their shapes and classes add up, of all else the first that is given.
+    merged: dict[str, Any] = {}
+    for entry in fields(Expectation):
+        given = [value for part in parts if (value := getattr(part, entry.name))]
+        is_tuple = isinstance(entry.default, tuple)
+        merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+    return Expectation(**merged)
 
 
 def _of_one(annotation: object) -> Expectation:
+    """The values that an annotation other than a union allows."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return expectation(annotation)
@@ -163,7 +163,7 @@ def _of_one(annotation: object) -> Expectation:
 
 
 def _shapes(annotation: object) -> tuple[tuple[int, ...], ...]:
-    """The shape that an array's annotation gives, if its sizes are fixed."""
+    """The shape of a number, or of an array whose annotation fixes all sizes."""
     if annotation in (int, float):
         return ((),)
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]

@@ -1,8 +1,8 @@
-"""A scene and its state on disk."""
+"""Save and load scenes and states."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -13,100 +13,62 @@ import numpy as np
 from ..dynamics.assembly import assemble, check_names
 from ..fields.cautions import quiet
 from ..fields.suggestions import nearest
-from ..model.bodies import State
+from ..model.bodies import GROUND, BodyState, State, body_state
 from ..model.scene import Scene
-from .complaints import FilePlace, listed
-from .formats import Document, parsed, read_document, suffix_of, text_of
-from .guesses import guessed
-from .kinds import Classes, require_classes
+from .class_names import Classes, require_classes
+from .formats import Document, format_document, parse, read_document, suffix_of
+from .locations import FileLocation, listed
 from .reading import Reader
 from .schema import scene_schema
 from .writing import Writer
 
 ARRAYS = np.ndarray | np.generic | jax.Array
-
-
-def first_difference(one: object, other: object, place: FilePlace) -> FilePlace | None:
-    """Where two trees differ first; ``None`` if they are the same. Arrays of numpy and of JAX are
-    the same if type and bits of their numbers are."""
-    if isinstance(one, ARRAYS) and isinstance(other, ARRAYS):
-        return None if _bits(one) == _bits(other) else place
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return _first(dict(one), dict(other), place)
-    if type(one) is not type(other):
-        return place
-    if is_dataclass(one) and not isinstance(one, type):
-        names = [field.name for field in fields(one)]
-        values = [{name: getattr(node, name, None) for name in names} for node in (one, other)]
-        return _first(values[0], values[1], place)
-    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
-        return _first(dict(enumerate(one)), dict(enumerate(other)), place)
-    if isinstance(one, float):
-        return None if _bits(one) == _bits(other) else place
-    return None if one == other else place
-
-
-def _first(ones: dict, others: dict, place: FilePlace) -> FilePlace | None:
-    if set(ones) != set(others):
-        return place
-    for key in ones:
-        found = first_difference(ones[key], others[key], place.at(key))
-        if found is not None:
-            return found
-    return None
-
-
-def _bits(value: object) -> tuple[object, ...]:
-    array = np.asarray(value)
-    return array.shape, array.dtype, array.tobytes()
-
-
 FORMAT = 1
-"""The version of the form of files."""
+"""The version of the file format."""
 VERSION, STATE = "format", "state"
 MOST_ASSEMBLED = 50
-"""Bodies of a scene whose state may be left out: to assemble a chain of 20 takes 20 s, and the time
-grows faster than their number."""
+"""Bodies of a scene up to which their states may be omitted: to assemble a chain of 20 takes 20 s,
+and the time grows faster than the number of bodies."""
 FilePath: TypeAlias = str | PathLike[str]
 
 
 def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) -> None:
-    """Write a scene and a state of it to a file, TOML or JSON by its suffix, as `load` reads it.
+    """Write a scene and its state to a TOML or JSON file, chosen by the suffix, for `load`.
 
-    What is read back is the same to the last bit, which is verified before anything is written.
-    Numbers are in SI units; TOML says the units in comments. Objects of classes of your own are
-    written with their module's and their own name ("my_laws:Quadratic") and their arguments.
+    Scene and state are restored bit for bit; this is verified before anything is written. Numbers
+    are in SI units; TOML has the units in comments. Objects of user-defined classes are written
+    with the names of module and class ("my_laws:Quadratic") and with their arguments.
 
     **Arguments:**
 
     - `path`: overwritten if it exists.
-    - `schema`: whether to write the JSON Schema of such files beside it (`scene_schema`), by which
-      editors complete and check: "pendulum.schema.json" for "pendulum.toml".
+    - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
+      editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` that names the place of what a file can't hold: a function, NaN, or an
-    object whose constructor does not make it anew from its fields.
+    **Raises:** `ValueError` with the location of a value that a file can't hold: a function, NaN,
+    or an object whose constructor does not make it again from its fields.
 
-    >>> cj.save(*cj.double_pendulum(), "pendulum.toml")
+    >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
     >>> list(scene.bodies)
     ['arm 2', 'arm 3']
     """
     check_names(scene, state)
     path = Path(path)
-    suffix, writer, place = suffix_of(path), Writer(), FilePlace(str(path))
-    document = {VERSION: FORMAT, **writer.table(scene, place)}
-    document[STATE] = writer.table(state, place.at(STATE))
-    beside = path.with_suffix(".schema.json")
-    text = text_of(document, suffix, writer.units, beside.name if schema else None)
-    _require_exact(text, (scene, state), writer.own_classes, path)
+    suffix, writer, location = suffix_of(path), Writer(), FileLocation(str(path))
+    document = {VERSION: FORMAT, **writer.table(scene, location)}
+    document[STATE] = writer.table(state, location.at(STATE))
+    schema_path = path.with_suffix(".schema.json")
+    text = format_document(document, suffix, writer.units, schema_path.name if schema else None)
+    _require_exact(text, (scene, state), writer.user_classes, location)
     path.write_text(text, encoding="utf-8")
     if schema:
-        described = json.dumps(scene_schema(writer.own_classes), indent=2)
-        beside.write_text(described + "\n", encoding="utf-8")
+        content = json.dumps(scene_schema(writer.user_classes), indent=2)
+        schema_path.write_text(content + "\n", encoding="utf-8")
 
 
 def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
-    """Read a scene and its state from a file, TOML or JSON by its suffix.
+    """Read a scene and its state from a TOML or JSON file, chosen by the suffix.
 
     ```toml
     gravity = [0, 9.81, 0]
@@ -129,23 +91,23 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     position = [0.5, 0, 0]
     ```
 
-    Tables have the names and defaults of the Python classes' arguments, and `kind` names the class,
-    or a method that makes one: ``kind = "Body.rod"``, ``kind = "Spline.through"``. In the place of
-    an orientation's Euler parameters may stand ``{axis = [0, 0, 1], angle = "30 deg"}``.
-    Numbers are in SI units; as text they may have another, of which pint knows. "none" stands for
-    ``None``. Bodies whose state is left out are placed at rest by following the joints from the
-    ground, and the state is then assembled.
+    Keys and defaults are those of the Python classes' arguments. `kind` names the class, or a
+    static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
+    ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
+    Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
+    without a state start at rest in positions found by following the joints from the ground; the
+    state is then assembled.
 
-    A class of your own is handed over: a file never imports or runs code by itself. Its fields'
-    units may be declared by `quantity`. The file above goes with
+    User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
+    declares the units of their fields. The file above needs
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Quadratic(cj.AbstractContactLaw):
-        stiffness: float = cj.quantity("N/m^2", positive=True)
-        has_memory = False
+    class Quadratic(cj.extend.AbstractContactLaw):
+        stiffness: float = cj.extend.quantity("N/m^2", positive=True)
+        uses_entry_speed = False
         force_jumps = False
 
         def elastic_force(self, gap):
@@ -160,75 +122,149 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     scene, state = cj.load("pendulum.toml", classes=[Quadratic])
     ```
 
-    **Arguments:** `classes`: those of your own that the file may name, "Quadratic" or
+    **Arguments:** `classes`: user-defined classes that the file may name, as "Quadratic" or
     "my_laws:Quadratic".
 
-    **Raises:** `ValueError` with file, place, what was found and expected, and a remedy.
+    **Raises:** `ValueError` with the location, the value, the expected values and a remedy.
     """
     require_classes(classes)
-    document, place = read_document(Path(path))
-    return scene_of_document(document, classes, place)
+    document, location = read_document(Path(path))
+    return scene_of_document(document, classes, location)
 
 
-def _require_exact(text: str, saved: tuple[Scene, State], classes: Classes, path: FilePath) -> None:
-    """Check that a text gives what was saved."""
-    place = FilePlace(str(path))
+def _require_exact(
+    text: str, saved: tuple[Scene, State], classes: Classes, location: FileLocation
+) -> None:
+    """Check that a text gives exactly the saved scene and state."""
+    document = parse(text, suffix_of(Path(location.file)), location.file)
     with quiet():
-        read = scene_of_document(parsed(text, suffix_of(Path(path)), str(path)), classes, place)
-    for one, other, at in zip(saved, read, (place, place.at(STATE)), strict=True):
-        found = first_difference(one, other, at)
-        if found is not None:
-            found.refuse(
-                "what its class does not make anew from the arguments",
+        read = scene_of_document(document, classes, location)
+    for one, other, at in zip(saved, read, (location, location.at(STATE)), strict=True):
+        difference = first_difference(one, other, at)
+        if difference is not None:
+            difference.refuse(
+                "a value that its class does not restore from arguments",
                 "a field that its constructor fills with the argument of that name",
-                "declare numbers by `quantity`, which stores arrays, and take tuples for lists",
+                "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
             )
 
 
+def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
+    """The location of the first difference of two objects; ``None`` if they are equal. Arrays of
+    NumPy and of JAX are equal if shape, type and bits are."""
+    if isinstance(one, ARRAYS) and isinstance(other, ARRAYS):
+        return None if _bits(one) == _bits(other) else location
+    entries: Sequence[dict]
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        entries = dict(one), dict(other)
+    elif type(one) is not type(other):
+        return location
+    elif is_dataclass(one) and not isinstance(one, type):
+        names = [field.name for field in fields(one)]
+        entries = [{name: getattr(node, name, None) for name in names} for node in (one, other)]
+    elif isinstance(one, tuple | list) and isinstance(other, tuple | list):
+        entries = dict(enumerate(one)), dict(enumerate(other))
+    elif isinstance(one, float):
+        return None if _bits(one) == _bits(other) else location
+    else:
+        return None if one == other else location
+    if set(entries[0]) != set(entries[1]):
+        return location
+    pairs = ((entries[0][key], entries[1][key], location.at(key)) for key in entries[0])
+    return next((found for pair in pairs if (found := first_difference(*pair))), None)
+
+
+def _bits(value: object) -> tuple[object, ...]:
+    array = np.asarray(value)
+    return array.shape, array.dtype, array.tobytes()
+
+
 def scene_of_document(
-    document: Document, classes: Classes, place: FilePlace
+    document: Document, classes: Classes, location: FileLocation
 ) -> tuple[Scene, State]:
-    """The scene and its whole state, of a file's tables; `place`: of the tables, for messages."""
-    _require_known_version(document.get(VERSION, FORMAT), place.at(VERSION))
+    """The scene and its complete state from the tables of a file.
+
+    **Arguments:** `location`: that of the tables, for messages.
+    """
+    version, version_location = document.get(VERSION, FORMAT), location.at(VERSION)
+    expected = f"a whole number from 1 to {FORMAT}"
+    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        version_location.refuse(version, expected, f"write {VERSION} = {FORMAT}, or leave it out")
+    if version > FORMAT:
+        remedy = "a newer clearjoint wrote this file: update yours to read it"
+        version_location.refuse(version, expected, remedy)
     reader = Reader(classes)
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
-    given = document.get(STATE, {})
+    given, state_location = document.get(STATE, {}), location.at(STATE)
     if not isinstance(given, dict):
-        place.at(STATE).refuse(given, "a table", "write [state.bodies.<name>] for each body")
-    scene = reader.instance(Scene, sections, place, beside=(VERSION, STATE))
-    state = reader.instance(State, {"bodies": {}} | given, place.at(STATE))
+        state_location.refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
+    state = reader.instance(State, {"bodies": {}} | given, state_location)
     known = list(scene.bodies)
     for name in state.bodies:
         if name not in known:
-            at, remedy = place.at(STATE).at("bodies"), "add the body, or leave its state out"
-            at.refuse(name, f"one of the scene's {listed(known)}", nearest(name, known, remedy))
-    return scene, _completed(scene, state, place.at(STATE))
+            remedy = nearest(name, known, "add the body, or leave its state out")
+            expected = f"one of the scene's {listed(known)}"
+            state_location.at("bodies").refuse(name, expected, remedy)
+    return scene, _completed(scene, state, state_location)
 
 
-def _require_known_version(found: object, place: FilePlace) -> None:
-    expected = f"a whole number from 1 to {FORMAT}"
-    if isinstance(found, bool) or not isinstance(found, int) or found < 1:
-        place.refuse(found, expected, f"write {VERSION} = {FORMAT}, or leave it out")
-    if found > FORMAT:
-        place.refuse(found, expected, "a newer clearjoint wrote this: update yours to read it")
-
-
-def _completed(scene: Scene, state: State, place: FilePlace) -> State:
-    """The state as it was given, or one assembled where it says nothing of some body."""
+def _completed(scene: Scene, state: State, location: FileLocation) -> State:
+    """The given state, or an assembled one if the state of a body is missing."""
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:
         return state
     if len(scene.bodies) > MOST_ASSEMBLED:
-        place.refuse(
+        location.refuse(
             f"no state of {len(missing)} bodies",
             f"one of each body in a scene of more than {MOST_ASSEMBLED} bodies",
             "give [state.bodies.<name>] a `position` (m) and an `orientation`",
         )
     try:
-        return assemble(scene, guessed(scene, state))
+        return assemble(scene, _guess_state(scene, state))
     except ValueError as error:
         raise ValueError(
-            f"{place}: found no state of {listed(missing)} by following the joints from the "
+            f"{location}: found no state of {listed(missing)} by following the joints from the "
             f"ground, expected one in the file: give [state.bodies.<name>] a `position` (m) and "
             f"an `orientation` that nearly fit the joints. {error}"
         ) from error
+
+
+def _guess_state(scene: Scene, given: State) -> State:
+    """The given state, completed by the missing bodies at rest, parallel to the global frame.
+
+    Joints are followed from the ground: the points that a joint brings together coincide. Bodies
+    that no joint connects lie at the origin.
+    """
+    states: dict[str, BodyState] = dict(given.bodies)
+    links = list(_links(scene))
+    while len(states) < len(scene.bodies):
+        reached = {GROUND, *states}
+        found = next(
+            (link for link in links if link[0] in reached and link[2] not in reached), None
+        )
+        if found is None:
+            name = next(name for name in scene.bodies if name not in states)
+            states[name] = body_state(np.zeros(3))
+        else:
+            body, point, next_body, next_point = found
+            states[next_body] = body_state(_global(body, point, states) - next_point)
+    return replace(given, bodies={name: states[name] for name in scene.bodies})
+
+
+def _links(scene: Scene) -> Iterator[tuple[str, np.ndarray, str, np.ndarray]]:
+    """Pairs of bodies with a point of each that a joint brings together, in both orders."""
+    for joint in scene.joints.values():
+        points = [(body, np.asarray(point)) for _, body, point in joint.attachments()]
+        if len(points) == 2:
+            yield *points[0], *points[1]
+            yield *points[1], *points[0]
+
+
+def _global(body: str, point: np.ndarray, states: dict[str, BodyState]) -> np.ndarray:
+    """The global position of a point of a body."""
+    if body == GROUND:
+        return point
+    scalar, *vector = np.asarray(states[body].orientation)
+    across = 2.0 * np.cross(vector, point)
+    return np.asarray(states[body].position) + point + scalar * across + np.cross(vector, across)

@@ -6,41 +6,39 @@ import sys
 from decimal import Decimal
 
 from ..measurements.units import to_si
-from .complaints import FilePlace
+from .locations import FileLocation
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
 
 LONGEST = 200
-"""Characters of a text that may be a number with its unit."""
+"""Longest text, in characters, that is read as a number with a unit."""
 
 
-def number_of_text(text: str, unit: str | None, place: FilePlace) -> float:
-    """The number in the SI unit, rounded once: "0.3 mm" is 3e-4 m to the last bit.
+def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
+    """The number of a text in the SI unit, rounded once: "0.3 mm" is exactly the float 3e-4.
 
-    **Raises:** `ValueError` for text without a number, a unit of another dimension, and for a
+    **Raises:** `ValueError` for text without a number, for a unit of another dimension, and for a
     unit where none is declared.
     """
+    expected = "a number" if unit is None else f"a number in {unit}"
     matched = NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if matched is None:
-        place.refuse(text, _expected(unit), "give a number, in quotes only if with a unit")
-    number, written = matched[1], matched[2].strip()
-    if math.isinf(float(number)) and "inf" not in number:
-        place.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
+        location.refuse(text, expected, "write a number, in quotes only if it has a unit")
+    digits, written = matched[1], matched[2].strip()
+    number = float(digits)
+    if math.isinf(number) and "inf" not in digits:
+        location.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
     if not written:
-        return float(number)
+        return number
     if unit is None:
         remedy = "write a plain number in SI units; fields made by `quantity` convert units"
-        place.refuse(text, "a number without a unit, since none is declared", remedy)
+        location.refuse(text, "a number without a unit, since none is declared", remedy)
     try:
         factor, _ = to_si(written, unit)
     except ValueError as error:
         raise ValueError(
-            f"{place}: found {text!r}, expected {_expected(unit)}: write a unit of this dimension, "
+            f"{location}: found {text!r}, expected {expected}: write a unit of this dimension, "
             f"or a plain number in {unit}."
         ) from error
-    value = float(number)
-    return float(Decimal(number) * Decimal(repr(factor))) if math.isfinite(value) else value
-
-
-def _expected(unit: str | None) -> str:
-    return "a number" if unit is None else f"a number in {unit}"
+    # The product of the decimal digits is exact; float() rounds it once.
+    return float(Decimal(digits) * Decimal(repr(factor))) if math.isfinite(number) else number

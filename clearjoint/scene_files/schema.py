@@ -1,29 +1,29 @@
-"""The JSON Schema of scene files, by which editors complete and check them."""
+"""JSON Schema of scene files, with which editors complete and check them."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
-from .expectations import Argument, Expectation, arguments, ways_to_make
+from .class_names import Classes, class_name, is_abstract, known_classes, require_classes
+from .expectations import Argument, Expectation, arguments, factories
 from .formats import SCHEMA
-from .kinds import Classes, is_abstract, known_kinds, name_of, require_classes
 from .reading import EULER_PARAMETERS, KIND, ROTATION
 
 Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER: Schema = {"type": ["number", "string"]}
 ROWS = "numbers"
-"""The name of what describes rows of rows of numbers."""
+"""Name of the definition of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
-    """The JSON Schema (2020-12) of scene files, made of the classes' arguments and units.
+    """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
 
-    Editors complete and check TOML and JSON by it: `save(..., schema=True)` writes it beside a file
-    and names it there.
+    Editors use it to complete and check TOML and JSON: `save(..., schema=True)` writes it to the
+    folder of the scene file, which then refers to it.
 
-    **Arguments:** `classes`: those of your own that files may name.
+    **Arguments:** `classes`: user-defined classes that files may name.
 
     **Returns:** a dictionary for `json.dump`.
 
@@ -37,9 +37,9 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
 
 def scene_properties(catalogue: "Catalogue") -> Schema:
-    """What may stand at the top of a scene file."""
+    """Schemas of the top-level keys of a scene file."""
     return {
-        "format": {"type": "integer", "minimum": 1, "description": "version of the file's form"},
+        "format": {"type": "integer", "minimum": 1, "description": "version of the file format"},
         **catalogue.properties(Scene),
         "state": _table(catalogue.properties(State), []),
     }
@@ -47,7 +47,7 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Descriptions of classes by name, each made where it is first referred to."""
+    """Schemas of classes by name. Each is added when a reference to it is first made."""
 
     classes: Classes
     definitions: Schema = field(
@@ -55,22 +55,21 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """The schema of a whole file with these keys."""
+        """The schema of a file with these top-level keys."""
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
-    def properties(self, kind: type, way: str = "") -> Schema:
-        """Of each argument of a class, or of another way to make it, what may stand there."""
-        known = arguments(kind, way).items()
+    def properties(self, kind: type, factory: str = "") -> Schema:
+        """Schemas of the arguments of a class, or of one of its factory methods, by name."""
+        known = arguments(kind, factory).items()
         return {name: self._argument(argument) for name, argument in known}
 
     def _argument(self, argument: Argument) -> Schema:
         unit = argument.expected.unit
-        described = self._value(argument.expected)
-        return described if unit is None else {**described, "description": f"unit: {unit}"}
+        schema = self._value(argument.expected)
+        return schema if unit is None else {**schema, "description": f"unit: {unit}"}
 
     def _value(self, expected: Expectation) -> Schema:
-        """What may stand at a place."""
         if expected.is_anything:
             return {}
         if expected.options is not None:
@@ -88,24 +87,27 @@ class Catalogue:
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
         implied = len(families) == 1 and not is_abstract(families[0])
-        kinds = {kind: name_of(kind) for kind in known_kinds(families, self.classes).values()}
+        kinds = dict.fromkeys(known_classes(families, self.classes).values())
         names = []
-        for kind, own in kinds.items():
-            for way in ("", *ways_to_make(kind)):
-                names.append(f"{own}.{way}" if way else own)
-                if names[-1] not in self.definitions:
-                    self.definitions[names[-1]] = {}  # known from here: it may refer to itself
-                    self.definitions[names[-1]] = self._definition(kind, own, way, implied)
+        for kind in kinds:
+            for factory in ("", *factories(kind)):
+                end = f".{factory}" if factory else ""
+                name = class_name(kind) + end
+                names.append(name)
+                if name not in self.definitions:
+                    self.definitions[name] = {}  # the definition may refer to itself
+                    kind_names = sorted({name, kind.__name__ + end})
+                    definition = self._definition(kind, factory, kind_names, implied)
+                    self.definitions[name] = definition
         return [_reference(name) for name in names]
 
-    def _definition(self, kind: type, name: str, way: str, implied: bool) -> Schema:
-        end = f".{way}" if way else ""
-        properties: Schema = {KIND: {"enum": sorted({name + end, kind.__name__ + end})}}
-        properties |= self.properties(kind, way)
-        needed = [key for key, argument in arguments(kind, way).items() if argument.is_required]
-        table = _table(properties, needed if implied and not way else [KIND, *needed])
-        described = ways_to_make(kind)[way] if way else kind
-        summary = (described.__doc__ or "").strip().split("\n")[0]
+    def _definition(self, kind: type, factory: str, names: list[str], implied: bool) -> Schema:
+        properties = {KIND: {"enum": names}} | self.properties(kind, factory)
+        known = arguments(kind, factory)
+        needed = [key for key, argument in known.items() if argument.is_required]
+        table = _table(properties, needed if implied and not factory else [KIND, *needed])
+        documented = factories(kind)[factory] if factory else kind
+        summary = (documented.__doc__ or "").strip().split("\n")[0]
         return {**table, "description": summary}
 
 
@@ -128,16 +130,16 @@ def _reference(name: str) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Numbers, or texts with units, of one of the shapes; of any where none is known."""
+    """Numbers, or texts with units, of one of the shapes; of any shape if none is known."""
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
-    described = []
+    schemas = []
     for shape in shapes:
-        one = NUMBER
+        schema = NUMBER
         for size in reversed(shape):
-            one = _list_of(one, size)
-        described.append(one)
+            schema = _list_of(schema, size)
+        schemas.append(schema)
         if shape == EULER_PARAMETERS:
-            turn: Schema = {name: _numbers(argument.shapes) for name, argument in ROTATION.items()}
-            described.append(_table(turn, list(turn)))
-    return described[0] if len(described) == 1 else {"anyOf": described}
+            entries: Schema = {name: _numbers(entry.shapes) for name, entry in ROTATION.items()}
+            schemas.append(_table(entries, list(entries)))
+    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}

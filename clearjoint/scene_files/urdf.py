@@ -1,4 +1,4 @@
-"""Robots of URDF files, whose joints get play by name. yourdfpy parses."""
+"""Load robots from URDF files, with play in given joints. yourdfpy parses the files."""
 
 import math
 from collections import Counter
@@ -13,24 +13,26 @@ from xml.etree import ElementTree
 from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
-from ..model.bodies import GROUND, BodyState, State, body_state
+from ..model.bodies import GROUND, State, body_state
+from ..model.clearance_joints.backlash import Backlash
+from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.joints.ideal import RevoluteJoint
-from ..model.plays.backlash import Backlash
-from ..model.plays.clearance import ClearanceJoint
 from ..model.scene import Scene
-from .complaints import FilePlace, listed
 from .expectations import Expectation, arguments
 from .files import FilePath
+from .locations import FileLocation, listed
 from .reading import Reader
-from .urdf_frames import (
+from .urdf_parts import (
+    HINGES,
     Frame,
+    Play,
     body_of,
     child_frame,
     euler_parameters,
     is_massless,
+    joint_of,
     root_frame,
 )
-from .urdf_joints import HINGES, Play, joint_of
 
 if TYPE_CHECKING:
     import yourdfpy
@@ -43,36 +45,14 @@ OF_JOINTS = {
     "safety_controller": "safety controllers",
 }
 READ = {"link", "joint", "material"}
-"""Tags of which the materials belong to the looks."""
-OF_LINKS = {"visuals": "looks", "collisions": "shapes of collisions"}
-
-
-def not_carried_over(
-    robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
-) -> str:
-    """Text that lists what was not read from a file, by link and joint; empty if all was.
-
-    **Arguments:** `tags`: of all that the file says of the robot.
-    """
-    left = {}
-    for attribute, what in OF_JOINTS.items():
-        left[what] = [joint.name for joint in robot.joints if getattr(joint, attribute)]
-    for attribute, what in OF_LINKS.items():
-        left[what] = [link.name for link in robot.links if getattr(link, attribute)]
-    left["inertia of the root"] = [
-        link.name
-        for link in robot.links
-        if frames[link.name].body == GROUND and not is_massless(link)
-    ]
-    named = [f"{what} of {', '.join(names)}" for what, names in left.items() if names]
-    others = sorted(set(tags) - READ)
-    return "; ".join([*named, *(f"<{tag}>" for tag in others)])
+"""Tags that need no warning: materials belong to the visual shapes."""
+OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
 
 
 BACKLASH = "backlash"
-"""The argument of a play that is an angle, in the place of `Backlash`'s own name for it."""
+"""Name of the argument for the angle of a backlash, rad; `Backlash` itself calls it `play`."""
 WIND_UP = 0.1
-"""Share of the backlash by which a flank gives way under the joint's effort limit, where no
+"""Deflection of a flank under the joint's effort limit as a fraction of the backlash, if no
 stiffness is given."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
@@ -80,15 +60,15 @@ GIVEN_BY_THE_FILE = {
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
 LARGEST_FILE = 50_000_000
-"""Bytes of a URDF file, at most."""
+"""Largest size of a URDF file, bytes."""
 
 
 @dataclass(frozen=True)
 class JointLimits:
-    """What a URDF file allows a joint: `lower` and `upper`, rad or m; `effort`, N m or N; and
-    `velocity`, rad/s or m/s. What the file does not say is infinite.
+    """Limits of a joint in a URDF file: `lower` and `upper`, rad or m; `effort`, N m or N; and
+    `velocity`, rad/s or m/s. Limits that the file omits are infinite.
 
-    >>> cj.JointLimits(effort=10.0).velocity
+    >>> cj.results.JointLimits(effort=10.0).velocity
     inf
     """
 
@@ -99,9 +79,10 @@ class JointLimits:
 
 
 def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
-    """The limits of the joints of a URDF file, by their names: for the torque of a `Motor`, say, or
-    to check a computed motion. A scene has no place for them. Needs
-    ``pip install "clearjoint[urdf]"``.
+    """Return the limits of the joints of a URDF file, by the joints' names.
+
+    A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
+    motion. The function needs ``pip install "clearjoint[urdf]"``.
 
     ```python
     import clearjoint as cj
@@ -127,8 +108,9 @@ def load_urdf(
     play: Mapping[str, Play] = MappingProxyType({}),
     gravity: TripleLike | None = (0.0, 0.0, -9.81),
 ) -> tuple[Scene, State]:
-    """A robot of a URDF file as a scene, with play in some of its joints, and its state at rest
-    where all joints are at zero. Needs ``pip install "clearjoint[urdf]"``.
+    """Read a robot from a URDF file, with play in some of its joints.
+
+    It needs ``pip install "clearjoint[urdf]"``.
 
     ```python
     import clearjoint as cj
@@ -137,113 +119,141 @@ def load_urdf(
         "bearing_radius": 10e-3,
         "clearance": 0.05e-3,
         "journal_length": 20e-3,
-        "law": cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
+        "law": cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
     }
     wrist = {"backlash": "0.1 deg", "torsional_stiffness": "2e4 N m/rad"}
     scene, state = cj.load_urdf("arm.urdf", play={"elbow": elbow, "wrist": wrist})
     ```
 
-    The link that no joint carries is the ground. Links with mass become bodies, whose frames are
-    parallel to the links' and lie in the centres of mass; links without mass that are fixed to
-    another are part of it. Joints keep their names: revolute and continuous, prismatic, fixed; what
-    a floating joint carries is free.
+    The root link is the ground. Links with mass become bodies, whose frames are parallel to the
+    links' and lie in the centres of mass; a link without mass must be fixed to its parent and is
+    part of it. Revolute, continuous, prismatic and fixed joints keep their names; the child of a
+    floating joint is free.
 
     **Arguments:**
 
-    - `play`: for names of revolute or continuous joints, the arguments of a `ClearanceJoint` but
-      for bodies, points and axes: the parent has the bearing, and `axial` is `FixedAxially()`
-      unless given. Or ``{"backlash": angle}`` with those of a `Backlash`, which is put beside the
-      joint under the name "elbow backlash": its `torsional_stiffness` is the one by which the
-      file's effort limit deflects a flank by a tenth of the backlash, unless given. Numbers may
-      be texts with units.
+    - `path`: path of the file.
+    - `play`: a dictionary of arguments for each revolute or continuous joint with play, by the
+      joint's name. Numbers may be texts with units. There are two kinds:
+        - Arguments of a `ClearanceJoint`, which replaces the joint. Bodies, points and axes are
+          those of the file: the parent has the bearing, the child the journal. `axial` is
+          `FixedAxially()` by default.
+        - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
+          scene with a name such as "elbow backlash"; the joint stays. By default its
+          `torsional_stiffness` is such that the file's effort limit deflects a flank by a tenth of
+          the backlash.
     - `gravity`: (3,) m/s^2, or ``None``.
 
-    **Raises:** `ValueError` that names file and place. `ImportError` without the extra.
+    **Returns:** the scene, and its state at rest with all joints at zero.
 
-    **Warns:** with a `NotCarriedOverWarning` that names what the file says and the scene lacks:
-    limits (see `urdf_limits`), damping and friction, mimics, shapes and the like.
+    **Raises:** `ValueError`, with the file and the element, for a file that can't be read, a robot
+    that a scene can't represent, and invalid `play`. `ImportError` without the extra.
+
+    **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
+    (see `urdf_limits`), damping and friction, mimics, shapes and others.
     """
     robot, tags = _robot(Path(path))
-    place = FilePlace(str(path))
-    play = _checked_play(play, robot, place)
-    frames = _frames(robot, place)
+    location = FileLocation(str(path))
+    hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
+    play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
+    frames = _frames(robot, location)
+    # Links without mass belong to the body of their parent, and the root link to the ground: only
+    # the other links are bodies, with the link's name.
     bodies = {
-        link.name: body_of(link, place.at(link.name))
+        link.name: body_of(link, location.at(link.name))
         for link in robot.links
         if frames[link.name].body == link.name
     }
     joints = {}
     for joint in robot.joints:
         given = play.get(joint.name)
-        beside = given is not None and BACKLASH in given
-        made = joint_of(joint, frames, None if beside else given, place.at(joint.name))
-        if made is not None:
-            joints[joint.name] = made
-        if beside and isinstance(made, RevoluteJoint):
-            assert given is not None
-            found = _backlash(joint, made, given, place.at(joint.name))
-            joints[f"{joint.name} {BACKLASH}"] = found
-    left = not_carried_over(robot, frames, tags)
-    if left:
-        caution(f"{path}: not carried over: {left}.", NotCarriedOverWarning)
-    state = {name: _at_rest(frames[name]) for name in bodies}
+        has_backlash = given is not None and BACKLASH in given
+        # A clearance replaces the ideal joint, a backlash is added to it.
+        clearance = None if has_backlash else given
+        scene_joint = joint_of(joint, frames, clearance, location.at(joint.name))
+        if scene_joint is not None:  # floating joints and joints within a body have none
+            joints[joint.name] = scene_joint
+        if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
+            backlash = _backlash(joint, scene_joint, given, location.at(joint.name))
+            joints[f"{joint.name} {BACKLASH}"] = backlash
+    omitted = _not_carried_over(robot, frames, tags)
+    if omitted:
+        caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
+    state = {}
+    for name in bodies:
+        # A pose is that of the link's frame. A body's frame is parallel to it and lies in the
+        # centre of mass, from which `origin` leads to the origin of the link's frame.
+        link_rotation, link_origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
+        centre = link_origin - link_rotation @ frames[name].origin
+        state[name] = body_state(centre, euler_parameters(link_rotation))
     try:
         return Scene(bodies, joints, gravity=gravity), State(state)
     except ValueError as error:
-        raise ValueError(f"{place}: {error}") from error
+        raise ValueError(f"{location}: {error}") from error
 
 
-def _at_rest(frame: Frame) -> BodyState:
-    """Where a link's body is with all joints at zero."""
-    centre = frame.pose[:3, 3] - frame.pose[:3, :3] @ frame.origin
-    return body_state(centre, euler_parameters(frame.pose[:3, :3]))
+def _not_carried_over(
+    robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
+) -> str:
+    """Return a text that lists the contents of the file that the scene lacks, which may be empty.
+
+    **Arguments:** `tags`: tags of all elements of the robot.
+    """
+    omitted = {
+        title: [element.name for element in elements if getattr(element, attribute)]
+        for elements, titles in ((robot.joints, OF_JOINTS), (robot.links, OF_LINKS))
+        for attribute, title in titles.items()
+    }
+    omitted["inertia of the root"] = [
+        link.name
+        for link in robot.links
+        if frames[link.name].body == GROUND and not is_massless(link)
+    ]
+    named = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
+    return "; ".join([*named, *(f"<{tag}>" for tag in sorted(set(tags) - READ))])
 
 
 def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
-    """What the parser finds in a file that is XML, and all tags in it; shapes are not loaded."""
+    """Return the parsed robot, without meshes, and the tags of all its elements."""
     try:
         import yourdfpy
     except ImportError as error:
         raise ImportError('URDF files need pip install "clearjoint[urdf]"') from error
     size = path.stat().st_size
     if size > LARGEST_FILE:
-        FilePlace(str(path)).refuse(f"{size} bytes", f"at most {LARGEST_FILE}", "shorten the file")
+        expected = f"at most {LARGEST_FILE}"
+        FileLocation(str(path)).refuse(f"{size} bytes", expected, "shorten the file")
     content = path.read_bytes()
     try:
         tags = [entry.tag for entry in ElementTree.fromstring(content)]
         parsed = yourdfpy.URDF.load(BytesIO(content), build_scene_graph=False, load_meshes=False)
     except (ElementTree.ParseError, KeyError, AttributeError, ValueError, TypeError) as error:
-        raise ValueError(f"{path}: {error!r}: check the file, by `check_urdf` say.") from error
+        raise ValueError(f"{path}: {error!r}: check the file, with `check_urdf` say.") from error
     return parsed.robot, tags
 
 
-def _checked_play(
-    play: Mapping[str, Play], robot: "yourdfpy.Robot", place: FilePlace
-) -> dict[str, Play]:
-    """The arguments of each play, in which numbers with units are read."""
-    hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
-    return {name: _checked(name, given, hinges, place) for name, given in play.items()}
+def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
+    """Return the arguments of a joint's play, with texts with units converted to SI numbers.
 
-
-def _checked(name: str, given: Play, hinges: list[str], place: FilePlace) -> Play:
-    """The arguments of a joint's play, of the names that it may have."""
+    **Raises:** `ValueError` for a joint that can't have play and for an unknown argument.
+    """
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
-        place.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
+        location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
     if not isinstance(given, Mapping):
         remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        place.at(name).refuse(given, "arguments by name", remedy)
+        location.at(name).refuse(given, "arguments by name", remedy)
     kind = Backlash if BACKLASH in given else ClearanceJoint
     expected = {key: argument.expected for key, argument in arguments(kind).items()}
-    known = {key: one for key, one in expected.items() if key not in GIVEN_BY_THE_FILE}
+    known = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
     if kind is Backlash:
         known[BACKLASH] = expected["play"]
     for argument in given:
         if argument not in known:
             known |= {BACKLASH: Expectation()}
             remedy = nearest(argument, known, "leave it out")
-            place.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
-    reader, at = Reader(()), place.at(name)
+            location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
+    reader, at = Reader(()), location.at(name)
     return {
         key: reader.value(value, known[key], at.at(key)) if isinstance(value, str) else value
         for key, value in given.items()
@@ -251,35 +261,39 @@ def _checked(name: str, given: Play, hinges: list[str], place: FilePlace) -> Pla
 
 
 def _backlash(
-    joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, place: FilePlace
+    joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, location: FileLocation
 ) -> Backlash:
-    """The backlash beside a hinge."""
-    own = {key: value for key, value in given.items() if key != BACKLASH}
+    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis."""
+    options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
-    if "law" not in own and "torsional_stiffness" not in own:
+    if "law" not in options and "torsional_stiffness" not in options:
         effort = math.inf if joint.limit is None else _limits(joint).effort
         if not 0.0 < effort < math.inf:
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
-            place.refuse(None, needed, "give it in N m/rad")
-        own["torsional_stiffness"] = effort / (WIND_UP * float(given[BACKLASH]))
+            location.refuse(None, needed, "give it in N m/rad")
+        options["torsional_stiffness"] = effort / (WIND_UP * float(given[BACKLASH]))
     try:
-        return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **own)
+        return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
     except ValueError as error:
-        raise ValueError(f"{place}: {error}") from error
+        raise ValueError(f"{location}: {error}") from error
 
 
-def _frames(robot: "yourdfpy.Robot", place: FilePlace) -> dict[str, Frame]:
-    """The frame of each link, following the joints from the root."""
+def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
+    """Return the frame of each link by name, found by following the joints from the root.
+
+    **Raises:** `ValueError` for repeated names, joints that don't form a tree, and links without
+    mass that move relative to their parent.
+    """
     for kind, elements in (("link", robot.links), ("joint", robot.joints)):
         counts = Counter(element.name for element in elements)
-        twice = [name for name, count in counts.items() if count > 1]
-        if twice:
-            place.refuse(twice[0], f"the name of one {kind} only", "rename the others")
+        repeated = [name for name, count in counts.items() if count > 1]
+        if repeated:
+            location.refuse(repeated[0], f"the name of one {kind} only", "rename the others")
     links = {link.name: link for link in robot.links}
     carried = {joint.child for joint in robot.joints}
     roots = [name for name in links if name not in carried]
     if len(roots) != 1:
-        place.refuse(roots, "one link that no joint carries", "join the others to it")
+        location.refuse(roots, "one root link that is no joint's child", "join the others to it")
     frames = {roots[0]: root_frame()}
     leaving: dict[str, list[yourdfpy.Joint]] = {}
     for joint in robot.joints:
@@ -293,10 +307,10 @@ def _frames(robot: "yourdfpy.Robot", place: FilePlace) -> dict[str, Frame]:
         link = links[joint.child]
         if is_massless(link) and joint.type != "fixed":
             remedy = "give it an <inertial>, or fix it to its parent"
-            place.at(link.name).refuse("no mass", "mass of a link that moves", remedy)
+            location.at(link.name).refuse("no mass", "the mass of a moving link", remedy)
         frames[link.name] = child_frame(joint, frames[joint.parent], link)
         waiting += leaving.pop(link.name, ())
     if leaving:
         names = [joint.name for joints in leaving.values() for joint in joints]
-        place.refuse(names, "joints of a tree between known links", "correct their links")
+        location.refuse(names, "joints of a tree between known links", "correct their links")
     return frames

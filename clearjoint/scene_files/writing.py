@@ -1,4 +1,4 @@
-"""From objects to the tables of a file."""
+"""Make the tables of a file from objects."""
 
 import math
 from collections.abc import Mapping
@@ -10,64 +10,66 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from .complaints import FilePlace, Keys
+from .class_names import class_name, is_from_package
 from .expectations import ANYTHING, Argument, Expectation, arguments
-from .kinds import is_of_the_package, name_of
+from .locations import FileLocation, Keys
 from .reading import ABSENT, KIND
 
 
 @dataclass(frozen=True)
 class Writer:
-    """Writes objects as tables, and notes the `units` of numbers by their keys, and the classes
-    that are not the package's."""
+    """Converts objects to tables, and collects the units of numbers by keys, and the user-defined
+    classes."""
 
     units: dict[Keys, str] = field(default_factory=dict)
-    own_classes: set[type] = field(default_factory=set)
+    user_classes: set[type] = field(default_factory=set)
 
-    def table(self, instance: PyTree, place: FilePlace) -> dict[str, object]:
-        """The arguments that make an object anew."""
-        if not is_of_the_package(type(instance)):
-            self.own_classes.add(type(instance))
+    def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
+        """The arguments with which the constructor makes the object again."""
+        if not is_from_package(type(instance)):
+            self.user_classes.add(type(instance))
         entries: dict[str, object] = {}
         if KIND in arguments(type(instance)):
-            place.at(KIND).refuse(KIND, "another name of the argument", "it names classes: rename")
+            location.at(KIND).refuse(
+                KIND, "another name of the argument", "rename it: `kind` names classes"
+            )
         stored = {entry.name: getattr(instance, entry.name) for entry in fields(instance)}
         for name, argument in arguments(type(instance)).items():
             if name not in stored and argument.is_required:
                 remedy = "store it in a field of the same name, or give it a default"
-                place.at(name).refuse("no such field", "one for each argument", remedy)
+                location.at(name).refuse("no field of this name", "one for each argument", remedy)
             value = stored.get(name)
-            if name in stored and not _may_be_left_out(value, argument):
-                entries[name] = self._value(value, argument.expected, place.at(name))
+            if name in stored and not _is_default(value, argument):
+                entries[name] = self._value(value, argument.expected, location.at(name))
         return entries
 
-    def _value(self, value: object, expected: Expectation, place: FilePlace) -> object:
-        """Numbers, texts, lists and tables for a value."""
+    def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
+        """A value as number, text, list or table."""
         if isinstance(value, Tracer):
-            place.refuse(value, "a number", "save outside of functions that JAX transforms")
+            location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         if expected.unit is not None:
-            self.units[place.keys] = expected.unit
+            self.units[location.keys] = expected.unit
         if isinstance(value, np.ndarray | np.generic | jax.Array):
-            return self._value(np.asarray(value).tolist(), expected, place)
+            return self._value(np.asarray(value).tolist(), expected, location)
         if isinstance(value, Enum):
             return value.name
         if isinstance(value, Mapping):
             inner = expected.by_name or ANYTHING
             return {
-                _name(key, place): self._value(item, inner, place.at(key))
+                _name(key, location): self._value(item, inner, location.at(key))
                 for key, item in value.items()
             }
         if isinstance(value, tuple | list):
             inner = expected.item or expected
-            return [self._value(item, inner, place.at(k)) for k, item in enumerate(value)]
+            return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
         if is_dataclass(value) and not isinstance(value, type):
-            kind = {} if expected.classes == (type(value),) else {KIND: name_of(type(value))}
-            return kind | self.table(value, place)
-        return _atom(value, place)
+            kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
+            return kind | self.table(value, location)
+        return _atom(value, location)
 
 
-def _may_be_left_out(value: object, argument: Argument) -> bool:
-    """Whether a constructor would put the value there by itself: nothing, or no entries."""
+def _is_default(value: object, argument: Argument) -> bool:
+    """Whether a value is the constructor's default: ``None``, or an empty table."""
     if argument.is_required:
         return False
     if value is None:
@@ -75,25 +77,25 @@ def _may_be_left_out(value: object, argument: Argument) -> bool:
     return isinstance(value, Mapping) and not value and not argument.default
 
 
-def _name(key: object, place: FilePlace) -> str:
+def _name(key: object, location: FileLocation) -> str:
     if not isinstance(key, str):
-        place.refuse(key, "a name", "use text for the keys of dictionaries")
+        location.refuse(key, "a name", "use text for the keys of dictionaries")
     return key
 
 
-def _atom(value: object, place: FilePlace) -> object:
+def _atom(value: object, location: FileLocation) -> object:
     if value is None:
         return ABSENT
     if isinstance(value, bool | int | str):
         return value
     if not isinstance(value, float):
-        what = "a function" if callable(value) else f"a {type(value).__name__}"
-        place.refuse(
+        name = "a function" if callable(value) else f"a {type(value).__name__}"
+        location.refuse(
             value,
             "numbers, names, or objects of classes with fields",
-            f"{what} can't be saved; make a class of your own whose fields hold its numbers, with "
-            "what it computes as a method (`__call__`, say), and hand it over to `load`",
+            f"{name} can't be saved; make a class whose fields hold its numbers and whose method "
+            "(`__call__`, say) computes its result, and pass the class to `load`",
         )
     if math.isnan(value):
-        place.refuse(value, "a number", "replace it: NaN is not saved")
+        location.refuse(value, "a number", "replace it: NaN is not saved")
     return value if math.isfinite(value) else str(value)

@@ -1,1 +1,1 @@
-"""Sweeps over parameters: axes, outputs, lanes on devices and executors, labelled results."""
+"""Parameter sweeps: axes, outputs, execution of lanes, stores on disk, labelled results."""

@@ -1,4 +1,4 @@
-"""Axes of a sweep, and the scenes and states of its lanes."""
+"""Axes of a sweep, and the scenes and initial states of its lanes."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ..datasets.provenance import describe
 from ..dynamics.assembly import check_names
+from ..export.provenance import describe
 from ..fields.cautions import quiet
 from ..fields.checks import (
     as_number,
@@ -28,7 +28,7 @@ from ..model.bodies import State
 from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
 from ..native import NativeFunction, UnsupportedPrimitiveError
-from ..parametrisation.places import Place
+from ..parametrisation.paths import NumberPath
 from ..parametrisation.variations import (
     AbstractVariation,
     Change,
@@ -45,13 +45,13 @@ class Axis:
 
     **Arguments:**
 
-    - `place`: of the number, such as ``lambda scene: scene.joints["pin"].clearance``. A place that
-      returns several numbers gives all of them the same value. Or a variation
-      (`clearjoint.parametrisation.variations`).
-    - `values`: (n,), in the unit of the place.
-    - `unit`: a label; that of the place unless given.
+    - `path`: path of the number, such as ``lambda scene: scene.joints["pin"].clearance``, or a
+      variation (`clearjoint.parametrisation.variations`). A path that returns several numbers
+      gives all of them the same value.
+    - `values`: (n,), in the unit of the number.
+    - `unit`: a label; by default the unit of the number in the scene.
 
-    `Axis.initial` takes a place in the initial state. `Axis.change` takes a function that makes
+    `Axis.initial` takes a path in the initial state. `Axis.change` takes a function that makes
     scene and state from a value, for parameters on which several numbers depend, such as lengths.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
@@ -63,58 +63,53 @@ class Axis:
     values: Float[np.ndarray, " n"]
 
     def __init__(
-        self, place: Place | AbstractVariation, values: ArrayLike, unit: str | None = None
+        self, path: NumberPath | AbstractVariation, values: ArrayLike, unit: str | None = None
     ):
-        variation = place if isinstance(place, AbstractVariation) else SceneNumber(place, unit)
+        variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
+        row = np.asarray(as_number(values, "values"))
+        require(
+            row.ndim == 1 and row.size > 0,
+            "values",
+            row,
+            "a row of numbers",
+            "pass shape (n,), one number at least",
+        )
+        require_finite("values", row)
         object.__setattr__(self, "variation", variation)
-        object.__setattr__(self, "values", _row(values))
+        object.__setattr__(self, "values", row)
 
     @staticmethod
-    def initial(place: Place, values: ArrayLike, unit: str | None = None) -> "Axis":
-        """A number of the initial state and its values (n,)."""
-        return Axis(StateNumber(place, unit), values)
+    def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
+        """Return an axis of a number of the initial state with values (n,)."""
+        return Axis(StateNumber(path, unit), values)
 
     @staticmethod
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
-        """Values (n,) from which ``make(scene, state, value)`` makes the lane's scene and state."""
+        """Return an axis from whose values (n,) ``make(scene, state, value)`` makes both."""
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The unit of the values."""
+        """Return the unit of the values."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
-        """A function that puts a value into scenes and states of the structure of these."""
+        """Return a function that sets a value in scenes and states of the same structure."""
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """The kind of variation and its function, as text."""
+        """Return the kind of variation and its function, as text."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
-
-
-def _row(values: ArrayLike) -> np.ndarray:
-    row = np.asarray(as_number(values, "values"))
-    require(
-        row.ndim == 1 and row.size > 0,
-        "values",
-        row,
-        "a row of numbers",
-        "pass shape (n,), one number at least",
-    )
-    require_finite("values", row)
-    return row
 
 
 @dataclass(frozen=True)
 class Lanes:
     """The scenes and states of all lanes.
 
-    - `scene`, `state`: those that the axes vary.
-    - `varied`: the scene with a boolean in the place of each leaf: whether it differs between
-      lanes.
-    - `scenes`: the scene with the varied leaves only, lanes in front, and ``None`` for the others.
-    - `states`: the state with all leaves, lanes in front.
-    - `bad`: the error message by lane, of lanes whose values no scene can have.
+    - `scene`, `state`: the scene and state that the axes vary.
+    - `varied`: the scene with each leaf replaced by whether it differs between lanes.
+    - `scenes`: the scene with its varied leaves, (lanes, ...) each, and ``None`` for the others.
+    - `states`: the state with all leaves, (lanes, ...) each.
+    - `bad`: error message by lane, for lanes with invalid values.
     """
 
     scene: Scene
@@ -125,18 +120,18 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """The joints with contacts, in scalar form; their numbers are numpy arrays (lanes,)."""
+        """Return the joints with contacts, in scalar form with numpy arrays (lanes,)."""
         joints = self.scene.contact_joints()
-        own = {name: self.scenes.joints[name] for name in joints}
+        varied = {name: self.scenes.joints[name] for name in joints}
         count = len(jax.tree.leaves(self.states)[0])
 
         def in_all(base: np.ndarray, in_lanes: np.ndarray | None) -> np.ndarray:
             return np.broadcast_to(base, (count, *np.shape(base))) if in_lanes is None else in_lanes
 
-        return unpack(jax.tree.map(in_all, joints, own), leading=1)
+        return unpack(jax.tree.map(in_all, joints, varied), leading=1)
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Scene and state of a lane."""
+        """Return scene and state of a lane."""
         scene = jax.tree.map(
             lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
             self.scene,
@@ -149,67 +144,74 @@ class Lanes:
 def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
-    """Scene and state of every lane; `values[name]` (lanes,) are those of the axis of that name."""
+    """Return scene and state of every lane.
+
+    `values[name]` (lanes,) are the values of the axis `name`.
+    """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
     bad: dict[int, str] = {}
     if all(isinstance(change, NumberSetter) for change in changes.values()):
-        columns = _columns_set(scene, base, changes, values)
+        columns = _columns_by_setters(scene, base, changes, values)
     else:
-        columns = _columns_made(scene, state, changes, values, bad)
+        columns = _columns_by_functions(scene, state, changes, values, bad)
     changed = tuple(column is not None for column in columns)
-    count, own_leaves = len(next(iter(values.values()))), len(jax.tree.leaves(scene))
-    for lane in np.flatnonzero(~_admissible(scene, state, columns)).tolist():
+    count, scene_leaves = len(next(iter(values.values()))), len(jax.tree.leaves(scene))
+    # The constructors' checks run in Python, lane by lane, and their messages go to the user. Lanes
+    # that native code has already found to be valid are skipped.
+    for lane in np.flatnonzero(~_known_valid(scene, state, columns)).tolist():
         pairs = zip(base, columns, strict=True)
-        leaves = [own if c is None else np.asarray(c[lane]) for own, c in pairs]
-        here = jax.tree.unflatten(structure, leaves)
+        leaves = [leaf if c is None else np.asarray(c[lane]) for leaf, c in pairs]
+        scene_and_state = jax.tree.unflatten(structure, leaves)
         try:
-            recheck_changes(here, structure, changed)
-            if any(changed[own_leaves:]):
-                check_names(*here)
+            recheck_changes(scene_and_state, structure, changed)
+            if any(changed[scene_leaves:]):
+                check_names(*scene_and_state)
         except ValueError as error:
             bad.setdefault(lane, str(error))
-    for column, own in zip(columns, base, strict=True):
+    # Bad lanes don't run. They take the base values, so that no NaN reaches the other lanes'
+    # computations and a number that only bad lanes change still counts as constant.
+    for column, leaf in zip(columns, base, strict=True):
         if column is not None:
-            column[list(bad)] = own
+            column[list(bad)] = leaf
     differs = [
-        column is not None and bool((column != own).any())
-        for column, own in zip(columns, base, strict=True)
+        column is not None and bool((column != leaf).any())
+        for column, leaf in zip(columns, base, strict=True)
     ]
-    scenes = [c if d else None for c, d in zip(columns, differs, strict=True)][:own_leaves]
+    scenes = [c if d else None for c, d in zip(columns, differs, strict=True)][:scene_leaves]
     states = [
-        np.broadcast_to(own, (count, *np.shape(own))) if c is None else c
-        for c, own in zip(columns[own_leaves:], base[own_leaves:], strict=True)
+        np.broadcast_to(leaf, (count, *np.shape(leaf))) if c is None else c
+        for c, leaf in zip(columns[scene_leaves:], base[scene_leaves:], strict=True)
     ]
-    of_scene = jax.tree.structure(scene)
+    scene_structure = jax.tree.structure(scene)
     return Lanes(
         scene,
         state,
-        jax.tree.unflatten(of_scene, differs[:own_leaves]),
-        jax.tree.unflatten(of_scene, scenes),
+        jax.tree.unflatten(scene_structure, differs[:scene_leaves]),
+        jax.tree.unflatten(scene_structure, scenes),
         jax.tree.unflatten(jax.tree.structure(state), states),
         dict(sorted(bad.items())),
     )
 
 
 Columns = list[np.ndarray | None]
-"""For each leaf of scene and state its values in all lanes, (lanes, ...), or ``None`` if no axis
+"""For each leaf of scene and state its values in all lanes, (lanes, ...); ``None`` if no axis
 changes it."""
 
 
-def _columns_set(
+def _columns_by_setters(
     scene: Scene,
     base: list[PyTree],
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """The columns where each axis puts its value at places."""
+    """Compute the columns if every axis sets numbers at paths: whole columns at once."""
     columns: Columns = [None] * len(base)
-    behind = len(jax.tree.leaves(scene))
+    scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
         assert isinstance(setter, NumberSetter)
         for number in setter.numbers:
-            k = number.leaf if setter.in_scene else behind + number.leaf
+            k = number.leaf if setter.in_scene else scene_leaves + number.leaf
             row, column = values[name], columns[k]
             if column is None:
                 column = np.repeat(np.asarray(base[k], float)[None], len(row), axis=0)
@@ -218,42 +220,50 @@ def _columns_set(
     return columns
 
 
-def _columns_made(
+def _columns_by_functions(
     scene: Scene,
     state: State,
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
     bad: dict[int, str],
 ) -> Columns:
-    """The columns where functions make scenes and states; `bad` gets the errors of lanes."""
+    """Compute the columns, lane by lane, with users' functions; add lanes with errors to `bad`."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):
-        here = scene, state
+        changed = scene, state
         try:
             for name, change in changes.items():
                 with quiet():
-                    here = change(*here, values[name][lane])
-            leaves, own = jax.tree.flatten(here)
-            _require_like(own == structure, leaves, base)
+                    changed = change(*changed, values[name][lane])
+            leaves, changed_structure = jax.tree.flatten(changed)
+            pairs = zip(leaves, base, strict=False)
+            require(
+                changed_structure == structure
+                and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
+                "axes",
+                "a change of the structure",
+                "functions that change numbers only",
+                "keep the names, kinds and shapes of arrays of scene and state in all lanes",
+            )
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
     return [
         None
-        if all(leaf is own or np.array_equal(leaf, own) for leaf in column)
+        if all(value is leaf or np.array_equal(value, leaf) for value in column)
         else np.stack(column)
-        for column, own in zip(zip(*rows, strict=True), base, strict=True)
+        for column, leaf in zip(zip(*rows, strict=True), base, strict=True)
     ]
 
 
 FEW = 16
-"""Lanes that Python checks; of more of them, native code tells the good ones."""
+"""Largest number of lanes that are checked in Python alone: compiling the checks takes longer."""
 
 
-def _admissible(scene: Scene, state: State, columns: Columns) -> np.ndarray:
-    """(lanes,) Whether the numbers of each lane are known to pass their checks."""
+def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
+    """Return whether each lane is known to pass its checks, (lanes,)."""
     varied = [column for column in columns if column is not None]
     if not varied:
         return np.ones(0, bool)
@@ -261,20 +271,22 @@ def _admissible(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     if len(unknown) <= FEW:
         return unknown
     changed = tuple(column is not None for column in columns)
-    # Trees of which one element is of a user's class or whose program can't be compiled are left to
-    # the checks themselves, and so are errors that a check raises of something else than numbers.
+    # User-defined elements may have checks that can't be compiled, and a check may raise an error
+    # about something other than numbers. All lanes are then checked in Python.
     with suppress(UnsupportedPrimitiveError, ValueError):
-        found = _checks.rows((scene, state, changed), [*columns, *[None] * len(changed)])
-        return unknown if found is None else found
+        valid = _checks.rows((scene, state, changed), [*columns, *[None] * len(changed)])
+        return unknown if valid is None else valid
     return unknown
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Whether all checks hold of the modules with changed leaves; ``None`` if a check needs the
-    values of numbers, which are unknown while JAX traces them."""
-    tree, own = (scene, state), len(jax.tree.leaves(scene))
+    """Return whether the checks of all modules with changed leaves hold.
+
+    ``None`` if a check needs the values of numbers, which are unknown during tracing.
+    """
+    tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
-    if conditions is not None and any(changed[own:]):
+    if conditions is not None and any(changed[scene_leaves:]):
         conditions += conditions_of(lambda: check_names(scene, state))
     return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
 
@@ -283,24 +295,14 @@ _checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
-    """The scene with a boolean in the place of each leaf: whether the axes can change it, be it by
-    values that no lane has yet."""
+    """Return the scene with each leaf replaced by whether the axes can change it.
+
+    Unlike `Lanes.varied`, this also marks leaves that are equal in all present lanes.
+    """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():
         with suppress(ValueError):
             scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
     return jax.tree.map(
         lambda varies, new, base: varies or new is not base, lanes.varied, scene, lanes.scene
-    )
-
-
-def _require_like(same: bool, leaves: list[PyTree], base: list[PyTree]) -> None:
-    """Check that nothing but numbers has changed."""
-    pairs = zip(leaves, base, strict=False)
-    require(
-        same and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
-        "axes",
-        "a change that makes others",
-        "such that every lane has a scene and a state of the same structure",
-        "change numbers only, and keep the shapes of arrays",
     )

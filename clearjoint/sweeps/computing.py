@@ -1,17 +1,19 @@
-"""The lanes that a store lacks, computed and written to it chunk by chunk."""
+"""Computation of the lanes that are missing in a store, chunk by chunk, with progress bars."""
 
 import logging
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
 
-from ..simulation.batch.scheduler import Running
+from ..simulation.lanes.scheduler import Running
+from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from .executors import AbstractSubmitter, run_chunks
 from .layout import PENDING, RESULT, LaneArrays
-from .progress import STORED, lane_progress, show_running
 from .store.store import SweepMemory, SweepStore
 from .work import Chunks, Work, concatenated
 
@@ -19,19 +21,21 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Tracer = Callable[[], Mapping[str, str]]
-"""Returns digests of the programs that the process that calls it would run."""
+"""Returns digests of the programs that the calling process would run."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
-"""Seconds without a result of any worker that are logged where no progress is shown."""
+"""Time, s, without a result after which a warning is logged if no progress bar is shown."""
 ROUNDS = 3
-"""How often lanes are run that the store lacks."""
+"""Number of attempts to compute the lanes that are missing in the store."""
 WRITE_PERIOD = 10.0
-"""Longest time, s, that a lane which has ended waits for its chunk before it is written alone."""
+"""Longest time, s, that a finished lane waits for its chunk before it is written alone."""
 WRITE_SHARE = 0.1
-"""Largest share of the time that writing such lanes may take."""
+"""Largest share of the time that writing incomplete chunks may take."""
+STORED = "stored"
+"""Description of the progress bar."""
 
 
-def computed(
+def compute_missing(
     work: Work,
     store: SweepMemory | SweepStore,
     trace: Tracer | None,
@@ -39,14 +43,13 @@ def computed(
     threads: int | None,
     progress: bool,
 ) -> "xr.Dataset":
-    """Run the lanes that the store lacks, and write their results to it; its results then.
+    """Run the lanes that are missing in the store, and return all its results.
 
-    Lanes that are still missing afterwards, since another process has written to the same chunks or
-    has damaged them, are run again.
-
-    **Arguments:** `trace` as in `Chunks`; the others but `store` as in `sweep`.
+    **Arguments:** `trace` as in `Chunks`; `executor`, `threads` and `progress` as in `sweep`.
     """
     try:
+        # Another process that writes to the same chunks may discard lanes that were written here:
+        # the store is read again, and lanes that are still missing are run again.
         for _ in range(ROUNDS):
             missing = store.missing()
             done = len(work) - sum(map(len, missing.values()))
@@ -66,7 +69,6 @@ def computed(
 def _by_executor(
     chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
 ) -> None:
-    """Hand chunks to an executor, and write each when it comes back."""
     missing = chunks.lanes
 
     def on_done(chunk: int, results: LaneArrays) -> None:
@@ -75,14 +77,15 @@ def _by_executor(
         bar.update(len(missing[chunk]))
 
     def on_start(seconds: float) -> None:
+        nonlocal warned
         bar.set_description_str(f"workers start and compile, {seconds:.0f} s")
-        if bar.disable and seconds > LONG_START and not said:
-            said.append(seconds)
+        if bar.disable and seconds > LONG_START and not warned:
+            warned = True
             _LOG.warning(
                 "the workers of a sweep have been starting and compiling for %.0f s", seconds
             )
 
-    said: list[float] = []
+    warned = False
     run_chunks(chunks, missing, executor, on_done, on_start)
 
 
@@ -93,7 +96,6 @@ def _by_threads(
     threads: int | None,
     bar: tqdm,
 ) -> None:
-    """Run lanes in threads of this process, and write them to the store while others run."""
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -108,8 +110,17 @@ def _by_threads(
 
 
 class _Writer:
-    """Writes each chunk when its last lane has ended; and lanes of chunks that are not complete
-    when as many of them wait as a chunk has, or for longer than `WRITE_PERIOD`."""
+    """Collects the results of lanes that have ended, and writes them to the store.
+
+    The store keeps lanes in chunks, and each write replaces whole chunks. A chunk is therefore
+    written when its last lane has ended. Ended lanes of incomplete chunks are written
+    together when their number reaches the size of a chunk, or `WRITE_PERIOD` seconds after the
+    previous such write, but not so often that writing takes more than the share `WRITE_SHARE` of
+    the time.
+
+    **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
+    `store`: where results are written; `bar`: progress bar that counts written lanes.
+    """
 
     def __init__(
         self, missing: Mapping[int, Sequence[int]], store: SweepMemory | SweepStore, bar: tqdm
@@ -118,15 +129,18 @@ class _Writer:
         self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
         self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
         self._waiting: dict[int, list[tuple[np.ndarray, LaneArrays]]] = {}
-        self._written = time.monotonic()
-        self._seconds = 0.0
+        self._last_write = time.monotonic()
+        self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Take lanes that have ended."""
+        """Add lanes that have ended, and write chunks that are complete.
+
+        **Arguments:** `lanes`: (n,) numbers of the lanes; `results`: arrays (n, ...) by name.
+        """
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
-            own = chunks == chunk
-            part = lanes[own], {name: values[own] for name, values in results.items()}
+            rows = chunks == chunk
+            part = lanes[rows], {name: values[rows] for name, values in results.items()}
             self._waiting.setdefault(chunk, []).append(part)
             if self._lanes_waiting(chunk) == self._unwritten[chunk]:
                 self._write(chunk)
@@ -136,22 +150,53 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write the lanes of chunks that are not complete, if they are many or have waited long."""
-        since = time.monotonic() - self._written
+        """Write ended lanes of incomplete chunks if they fill a chunk or `WRITE_PERIOD` is over."""
+        since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
-        if since > self._seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
+        # Each write replaces whole chunks, which is slow on a slow disk: the time since the last
+        # write must be long relative to its duration.
+        if since > self._write_seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
             self.write_all()
 
     def write_all(self) -> None:
-        """Write all lanes that wait."""
-        begun = time.monotonic()
+        """Write all lanes that have ended and are not yet written."""
+        start = time.monotonic()
         for chunk in list(self._waiting):
             self._write(chunk)
-        self._written = time.monotonic()
-        self._seconds = self._written - begun
+        self._last_write = time.monotonic()
+        self._write_seconds = self._last_write - start
 
     def _write(self, chunk: int) -> None:
         lanes, results = concatenated(self._waiting.pop(chunk))
         self._store.write(chunk, lanes.tolist(), results)
         self._unwritten[chunk] -= len(lanes)
         self._bar.update(len(lanes))
+
+
+def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
+    """Return a bar of the stored lanes and the time left, shown after two seconds.
+
+    Use it as a context; `update(n)` counts n more lanes. If `done` lanes were stored before, a line
+    says so.
+    """
+    if show and done:
+        rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
+        print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+    bar = ProgressBar(
+        total=lanes,
+        initial=done,
+        desc=STORED,
+        bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]",
+        delay=2.0,
+        leave=False,
+        disable=not show,
+    )
+    return telling_of_compiling(bar)
+
+
+def show_running(bar: tqdm, running: Running) -> None:
+    """Show in a bar the times that the running lanes have reached, and the time left."""
+    assert isinstance(bar, ProgressBar)
+    bar.seconds_left = running.seconds_left
+    reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"
+    bar.set_postfix_str(f"{running.lanes} running lanes have reached {reached}")

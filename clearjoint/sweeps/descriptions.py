@@ -1,20 +1,21 @@
-"""What a sweep is, in texts: those by which a store tells it from others, and those for readers."""
+"""Description of a sweep as texts: settings that identify it, and notes for readers."""
 
 from collections.abc import Callable, Mapping
 
 import jax
+from jaxtyping import PyTree
 
-from ..datasets.provenance import described, versions
+from ..export.provenance import describe, described, versions
 from ..model.scene import Scene
 from ..native import is_native
-from ..simulation.settings import Settings
+from ..parametrisation.paths import parameters
+from ..simulation.step.settings import Settings
 from .axes import Axis, Lanes
 from .outputs import Output
-from .store.notes import number_notes, structure_note
 
 
-def decisive(settings: Settings, start_time: float) -> dict[str, str]:
-    """Numbers and choices that tell the sweep from others, as a store has them."""
+def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
+    """Return the settings that a store compares: a sweep with other ones is another sweep."""
     numbers = {
         "start_time": start_time,
         "rtol": settings.rtol,
@@ -27,14 +28,18 @@ def decisive(settings: Settings, start_time: float) -> dict[str, str]:
     return described(numbers) | versions()
 
 
-def informative(
+def notes_for_readers(
     settings: Settings,
     end_time: float | Callable[[Scene], float],
     outputs: Mapping[str, Output],
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """What else was asked for, what the lanes have in common, and what makes them differ."""
+    """Return notes on the request and on the numbers that all lanes share.
+
+    A store does not compare them: the traced programs and the lanes' numbers identify the sweep
+    (see `clearjoint.sweeps.store.identity`).
+    """
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     choices = {
         "end_time": end_time,
@@ -49,7 +54,18 @@ def informative(
     return {
         **described(choices),
         **{f"axis {name}": axis.described() for name, axis in axes.items()},
-        "structure": structure_note(lanes.scene),
-        **number_notes(lanes.scene, lanes.varied, "scene"),
-        **number_notes(lanes.state, states, "state"),
+        "structure": describe(jax.tree.map(lambda _: 0, lanes.scene)),
+        **_constant_numbers(lanes.scene, lanes.varied, "scene"),
+        **_constant_numbers(lanes.state, states, "state"),
+    }
+
+
+def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
+    """Return the numbers of a scene or state that don't vary between lanes, by name."""
+    varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
+    # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
+    return {
+        f"{name}." + key.replace("['", ".").replace("']", ""): describe(value)
+        for key, (value, _) in parameters(tree).items()
+        if not varies[key]
     }

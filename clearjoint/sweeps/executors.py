@@ -1,9 +1,9 @@
-"""The chunks of a sweep, handed to an executor.
+"""Computation of the chunks of a sweep on an executor.
 
-Chunks are independent and may be computed more than once. So any executor with the interface of
-`concurrent.futures.Executor` will do, and so will a client of Dask's distributed scheduler, which
-gives the chunks of a worker that died to another. On one's own cores, in a script with the usual
-``if __name__ == "__main__":`` ::
+Chunks are independent and may be computed more than once. Any executor with the interface of
+`concurrent.futures.Executor` is accepted, and so is a client of Dask's distributed scheduler, which
+computes the chunks of a worker that died on another worker. On the cores of one machine, in a
+script below ``if __name__ == "__main__":`` ::
 
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
@@ -12,9 +12,8 @@ and on a cluster::
 
     with dask.distributed.Client("tcp://scheduler:8786") as client: ...
 
-What is computed travels by cloudpickle, so that closures and functions from notebooks will do, and
-takes along this process's runtime settings (`clearjoint.configure`), which a worker process takes
-over.
+The function is sent by cloudpickle, which supports closures and functions from notebooks. This
+process's runtime settings (`clearjoint.configure`) are sent with it, and worker processes use them.
 """
 
 import inspect
@@ -47,34 +46,22 @@ from ..runtime import adopt, in_force
 from .layout import LaneArrays
 
 
-def encoded(value: object) -> bytes:
-    """A value as bytes that `pickle.loads` decodes, in another process."""
-    file = io.BytesIO()
-    _Pickler(file).dump(value)
-    return file.getvalue()
-
-
 class _Pickler(cloudpickle.Pickler):
     def reducer_override(self, value: object) -> object:
-        """How cloudpickle rebuilds a function or a class; that of a module with its fields."""
+        # cloudpickle makes a class of a script or notebook without attributes first and sets them
+        # afterwards. An equinox module needs its fields when it is made, because its metaclass
+        # turns it into a dataclass then.
         reduced = super().reducer_override(value)
         if reduced is NotImplemented or not isinstance(value, type):
             return reduced
         if not issubclass(value, eqx.Module):
             return reduced
         make, arguments, *state = reduced
-        return (_with_fields, (make, arguments, _own_fields(value), _initialises(value)), *state)
-
-
-def _own_fields(cls: type[eqx.Module]) -> dict[str, bool]:
-    """The fields that a class adds to those it inherits, and whether they are static."""
-    own = inspect.get_annotations(cls)
-    return {f.name: f.metadata.get("static", False) for f in fields(cls) if f.name in own}
-
-
-def _initialises(cls: type[eqx.Module]) -> bool:
-    """Whether a class has an `__init__` of its own, written or made by equinox."""
-    return "__init__" in vars(cls)
+        annotated = inspect.get_annotations(value)
+        statics = {
+            f.name: f.metadata.get("static", False) for f in fields(value) if f.name in annotated
+        }
+        return (_with_fields, (make, arguments, statics, "__init__" in vars(value)), *state)
 
 
 def _with_fields(
@@ -83,8 +70,7 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """The class that cloudpickle makes without attributes, with fields. It gets its attributes
-    afterwards, among them an `__init__` where it has one."""
+    """Make a class with fields and, if `initialises`, a placeholder for its `__init__`."""
     constructor, name, bases, namespace, *rest = arguments
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
@@ -95,29 +81,31 @@ def _with_fields(
 
 
 def _placeholder(self: object) -> None:
-    """Stands for an `__init__` until the class has got its attributes."""
+    pass
 
 
 ChunkFunction = Callable[[int], LaneArrays]
 """From the number of a chunk to its results."""
 RETRIES = 3
-"""How often Dask repeats a chunk that raised an error before the sweep fails."""
+"""Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
 TICK = 1.0
-"""Seconds between two calls of `on_start`."""
+"""Time, s, between two calls of `on_start`."""
 QUEUED = 2
-"""Chunks handed out for each worker: one that it computes and one that it finds waiting."""
+"""Chunks submitted for each worker: one that it computes and one that waits."""
 
 
 class AbstractSubmitter(Protocol):
     """A `concurrent.futures.Executor` or a `dask.distributed.Client`."""
 
     def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
-        """Have a function called elsewhere; a future of its result."""
+        """Call a function on a worker, and return a future of its result."""
         ...
 
 
 class ChunkError(RuntimeError):
-    """Chunks could not be computed. `chunks` are their numbers, `__cause__` is the first error.
+    """Error of chunks that could not be computed.
+
+    `chunks` are their numbers, `__cause__` is the first error.
 
     >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
     >>> error.chunks
@@ -139,26 +127,26 @@ def run_chunks(
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
     `on_done` is called in this thread, for one chunk at a time, in the order in which they end.
-    Few chunks at a time are handed out, and none after an error. An interrupt (Ctrl-C) or an error
-    of `on_done` cancels those that have not begun.
+    Only a few chunks at a time are submitted, and none after an error. An interrupt (Ctrl-C) or an
+    error of `on_done` cancels the chunks that have not begun.
 
     **Arguments:**
 
     - `task`: computes the results of a chunk from its number. Each process decodes it once.
     - `chunks`: numbers of the chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
-    - `on_done`: takes the results of a chunk.
-    - `on_start`: is called every second until the first chunk has ended, with the seconds since the
-      first was handed out.
+    - `on_done`: receives the results of a chunk.
+    - `on_start`: called every second until the first chunk has ended, with the time in seconds
+      since the first chunk was submitted.
 
     **Raises:** `ValueError` if `executor` is neither, or forks its processes. `ChunkError` if a
-    chunk raises an error or its worker dies (with Dask: again and again), after the chunks already
-    handed out have ended and `on_done` has got their results.
+    chunk raises an error or its worker dies (with Dask: repeatedly), after the chunks already
+    submitted have ended and `on_done` has received their results.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
     failed: dict[int, BaseException] = {}
-    done, begun = 0, time.monotonic()
+    done, started = 0, time.monotonic()
     try:
         while running or (waiting and not failed):
             room = 0 if failed else pool.room() - len(running)
@@ -167,7 +155,7 @@ def run_chunks(
                 running[pool.submit(chunk)] = chunk
             ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
             if not done and not ended:
-                on_start(time.monotonic() - begun)
+                on_start(time.monotonic() - started)
             for future in ended:
                 chunk = running.pop(future)
                 error = _error(future)
@@ -184,10 +172,12 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a client of Dask, and the function that it calls."""
+    """An executor or a Dask client, and the function that its workers call."""
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
         _check(executor)
+        # A Dask client keeps the result of a task and returns it for an equal task, unless the task
+        # is declared impure.
         make = getattr(executor, "get_executor", None)
         self._threads = getattr(executor, "nthreads", None)
         self._executor = executor if make is None else make(pure=False, retries=RETRIES)
@@ -195,8 +185,7 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Number of chunks that may be handed out at a time. It changes as a cluster's workers come
-        and go."""
+        """Return the number of chunks to submit at a time; it varies with a cluster's workers."""
         if self._threads is not None:
             workers = sum(self._threads().values())
         else:
@@ -204,7 +193,7 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Hand out a chunk."""
+        """Submit a chunk; a broken executor gives a future with an error."""
         try:
             return self._executor.submit(self._call, chunk)
         except BrokenExecutor as error:
@@ -232,9 +221,13 @@ def _check(executor: AbstractSubmitter) -> None:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """The runtime settings and the encoded function; a worker takes over the settings before it
-    decodes the function."""
-    return pickle.dumps((in_force(), encoded(task)))
+    """Return the runtime settings and the encoded function.
+
+    The function is encoded separately, because a worker adopts the settings before it decodes it.
+    """
+    file = io.BytesIO()
+    _Pickler(file).dump(task)
+    return pickle.dumps((in_force(), file.getvalue()))
 
 
 _decoding = Lock()
@@ -250,8 +243,10 @@ def _decoded(payload: bytes) -> ChunkFunction:
 
 @cache
 def _end_with_parent() -> None:
-    """Let this process end when the one that began it has died. One that is killed can't tell its
-    workers, which would wait for it without end."""
+    """End this process when its parent process dies.
+
+    A parent that is killed can't stop its workers, which would wait forever.
+    """
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -264,20 +259,20 @@ def _end_with_parent() -> None:
 
 
 def _call(payload: bytes, chunk: int) -> LaneArrays:
-    """Compute a chunk in a worker, one thread of which decodes the task for all."""
-    with _decoding:
+    """Compute a chunk in a worker."""
+    with _decoding:  # One thread decodes the task, and the others take it from the cache.
         task = _decoded(payload)
     try:
         return task(chunk)
     except Exception as error:
-        if _travels(error):
+        if _is_picklable(error):
             raise
+        # An error that can't be unpickled, for example one whose constructor takes several
+        # arguments, would break the pool of processes in the parent.
         raise RuntimeError(f"{type(error).__name__}: {error}") from error
 
 
-def _travels(error: Exception) -> bool:
-    """Whether an error can be pickled and unpickled. Where it can't, as with classes of a script or
-    constructors of several arguments, its arrival would break a pool of processes."""
+def _is_picklable(error: Exception) -> bool:
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
@@ -291,27 +286,23 @@ def _error(future: Future) -> BaseException | None:
     return future.exception()
 
 
-def _why_it_may_have_died(done: int) -> str:
-    """Causes, the likeliest first: a worker that a script starts imports the script anew."""
-    if done:
-        return "killed, or out of memory"
-    return (
-        'none was computed: a script must run what it runs behind `if __name__ == "__main__":`, '
-        "since each worker process imports it; or it was killed, or out of memory"
-    )
-
-
 def _fail(failed: dict[int, BaseException], done: int) -> None:
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
-        why = _why_it_may_have_died(done)
-        what = f"A worker process died with chunks {numbers} handed out ({why})"
+        why = "killed, or out of memory"
+        if not done:
+            why = (
+                "no chunk was computed: a script must call the sweep below "
+                '`if __name__ == "__main__":`, because each worker process imports the script; or '
+                "the process was killed, or out of memory"
+            )
+        problem = f"A worker process died while chunks {numbers} were submitted ({why})"
     else:
-        what = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
+        problem = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
     raise ChunkError(
-        f"{what}: {type(cause).__name__}: {cause}\nChunks completed in this call: {done}. A sweep "
-        "with a `path` has stored them, and resumes when called again.",
+        f"{problem}: {type(cause).__name__}: {cause}\nChunks completed in this call: {done}. A "
+        "sweep with a `path` has stored them, and resumes when it is called again.",
         chunks,
     ) from cause

@@ -1,9 +1,9 @@
-"""Shape and labels of a sweep's results, known before it runs, and the results with these labels.
+"""Layout of a sweep's results: shapes and labels, known before the sweep runs.
 
-A sweep's lanes are numbered. Its axes give each lane its values: all combinations of them, the last
-axis fastest, or one value of each ("zipped"). Lanes are computed and stored in chunks of equal size
-(the last may be shorter); a chunk's results are a dictionary of arrays whose first axis is the
-chunk's lanes.
+The lanes of a sweep are numbered. They are all combinations of the axes' values, the last axis
+fastest, or, if zipped, the i-th lane has the i-th value of each axis. Lanes are computed and stored
+in chunks of equal size (the last may be shorter); the results of a chunk are a dictionary of arrays
+whose first dimension is the lanes of the chunk.
 """
 
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 LANE = "lane"
 RESULT = "result"
 BY_LANE = "by_lane"
-"""What a store has of its own beside variables and axes."""
+"""Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1
 """Result code of a lane that has not been computed."""
 LaneArrays = dict[str, np.ndarray]
-"""Results of a lane, or of several with lanes in front, by variable."""
+"""Results by variable, of one lane (...) or of several lanes (lanes, ...)."""
 Note = str | int | float | bool
 
 
@@ -38,15 +38,15 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """The attribute "units" of the CF conventions, for numbers; none for texts."""
+        """Attribute "units" of the CF conventions, for numbers; no attribute for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
 class Variable(NamedTuple):
-    """An array of numbers for every lane: `dims` and `shape` are those behind the lanes.
+    """An array of numbers for every lane: `dims` and `shape` are those after the lane dimension.
 
-    What has not been computed is NaN, -1 in integers and false in truth values. `attrs` are further
-    attributes, for example the `flag_values` and `flag_meanings` of a code.
+    Values that have not been computed are NaN, -1 in integers and false in truth values. `attrs`
+    are further attributes, for example the `flag_values` and `flag_meanings` of a code.
     """
 
     dims: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """The value that stands for what has not been computed."""
+        """Value of entries that have not been computed."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
@@ -74,19 +74,19 @@ class Layout:
 
     **Arguments:**
 
-    - `axes`: the values swept over, one `Coordinate` an axis.
+    - `axes`: the swept values, one `Coordinate` for each axis.
     - `chunk`: lanes in a chunk.
-    - `variables`: what is computed, by name. One is ``"result"``: a signed integer for each lane,
-      zero or positive. Its presence marks a chunk as done.
-    - `coordinates`: labels of the variables' own dimensions.
-    - `settings`: what else the numbers depend on: texts, numbers and truth values by name.
+    - `variables`: results by name. One is ``"result"``: a signed integer for each lane, zero or
+      positive. Its presence marks a lane as done.
+    - `coordinates`: labels of the variables' other dimensions.
+    - `settings`: settings on which the numbers depend: texts, numbers and truth values by name.
       Infinities and NaN, which JSON lacks, become texts.
-    - `zipped`: whether lanes take the axes' values side by side, all axes equally long, and not all
+    - `zipped`: whether the i-th lane has the i-th value of every axis; otherwise the lanes are all
       combinations.
-    - `notes`: texts, numbers and truth values for readers. Sweeps that differ in these only are the
-      same: say, in the name of a function.
+    - `notes`: texts, numbers and truth values for readers. A store ignores differences between
+      notes, for example in the name of a function.
 
-    **Raises:** `ValueError` if these don't fit together.
+    **Raises:** `ValueError` if these are inconsistent.
     """
 
     axes: tuple[Coordinate, ...]
@@ -118,15 +118,16 @@ class Layout:
         further -= {c.name for c in self.coordinates}
         names = [LANE, *(c.name for c in labelled), *self.variables, *further]
         free = BY_LANE not in names
-        require(free, "axes and outputs", BY_LANE, "of other names", "rename this one")
+        require(free, "axes and outputs", BY_LANE, "other names", "rename the axis or output")
         twice = sorted({name for name in names if names.count(name) > 1})
         require_array_names("variables", self.variables, "name every result")
         require(not twice, "axes", twice, "names that occur once", "rename the axis")
         require_count("chunk", self.chunk, "pass 1 or more lanes")
         sizes = [c.values.size for c in self.axes]
         count = len(set(sizes)) if self.zipped else len(sizes)
-        remedy = "pass at least one axis; those zipped need equally many values"
-        require(count == 1 if self.zipped else count > 0, "axes", sizes, "axes that fit", remedy)
+        fits = count == 1 if self.zipped else count > 0
+        expected = "one or more axes, of equal length if zipped"
+        require(fits, "axes", sizes, expected, "pass at least one axis, or equally many values")
 
     def _check_variables(self) -> None:
         code = self.variables.get(RESULT)
@@ -148,60 +149,60 @@ class Layout:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Lanes along each dimension of the sweep."""
+        """Number of lanes along each dimension of the sweep."""
         sizes = tuple(axis.values.size for axis in self.axes)
         return sizes[:1] if self.zipped else sizes
 
     @property
     def lanes(self) -> int:
-        """Number of lanes of the whole sweep."""
+        """Number of lanes of the sweep."""
         return int(np.prod(self.shape))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks, the last of which may be shorter."""
+        """Number of chunks; the last chunk may be shorter."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
-        """The lanes of a chunk."""
+        """Return the lanes of a chunk."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Each axis' value in every lane, (lanes,)."""
+        """Return the value of each axis in every lane, (lanes,)."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> dict[str, np.ndarray]:
-        """Arrays for all lanes, none of them computed."""
+        """Return arrays for all lanes with the fill values of lanes that are not computed."""
         return {
             name: np.full((self.lanes, *v.shape), v.fill, v.dtype)
             for name, v in self.variables.items()
         }
 
     def checked(self, lanes: int, arrays: Mapping[str, ArrayLike]) -> LaneArrays:
-        """The results of so many lanes.
+        """Return the results of a number of lanes as arrays.
 
         **Raises:** `ValueError` unless they have the names, shapes and types of the variables.
         """
-        expected = set(self.variables)
-        require(set(arrays) == expected, "arrays", sorted(arrays), str(sorted(expected)), "rename")
+        names = sorted(self.variables)
+        require(sorted(arrays) == names, "arrays", sorted(arrays), str(names), "rename")
         results = {name: np.asarray(arrays[name]) for name in self.variables}
         for name, variable in self.variables.items():
             shape, array = (lanes, *variable.shape), results[name]
             same = array.shape == shape and array.dtype == np.dtype(variable.dtype)
-            actual, announced = f"{array.dtype}{array.shape}", f"{variable.dtype}{shape}"
-            require(same, f"arrays: {name}", actual, announced, "return what the layout announces")
+            actual, expected = f"{array.dtype}{array.shape}", f"{variable.dtype}{shape}"
+            require(same, f"arrays: {name}", actual, expected, "return this type and shape")
         codes = results[RESULT]
         require(bool((codes >= 0).all()), "arrays: result", codes, "codes >= 0", "-1 is pending")
         return results
 
 
 def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """The results of all lanes along the sweep's axes, with units and settings as attributes.
+    """Return the results of all lanes along the sweep's axes, with units and settings.
 
-    If zipped, they stay along the dimension `lane`, with the axes as coordinates of it.
+    If zipped, the dimension is `lane` and the axes are its coordinates.
     """
     import xarray as xr
 
@@ -224,7 +225,7 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:
-    """The coordinate with its values as an array of numbers, or of texts of fixed length."""
+    """Return the coordinate with its values as an array of numbers or of texts."""
     name, values, unit = coordinate
     values = np.asarray(values)
     if values.dtype.kind in "bif":
@@ -234,7 +235,7 @@ def _labels(coordinate: Coordinate) -> Coordinate:
 
 
 def _with_pending(code: Variable) -> Variable:
-    """The result codes with a flag for pending lanes in front."""
+    """Return the result codes with an additional first flag for pending lanes."""
     values = [int(value) for value in code.attrs.get("flag_values", ()) if value != PENDING]
     meanings = code.attrs.get("flag_meanings", "").removeprefix("pending").strip()
     flags = {
@@ -245,7 +246,7 @@ def _with_pending(code: Variable) -> Variable:
 
 
 def _netcdf_name(name: str) -> str:
-    """The name of an attribute, without what names in netCDF may not have."""
+    """Return the name of an attribute without characters that netCDF forbids."""
     return name.translate({ord(c): "_" for c in "/'"}).rstrip()
 
 

@@ -1,43 +1,54 @@
-"""Outputs of a sweep beside reductions: quantities at chosen times, Poincaré sections, impacts."""
+"""Outputs of a sweep: quantities and states at chosen times, impacts; their checks."""
 
 import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from ..fields.checks import as_number, require, require_count
+from ..fields.checks import as_number, require, require_array_names, require_count
 from ..fields.types import ArrayLike
+from ..math.vectors import pack
 from ..model.scene import Scene
 from ..quantities.base import require_known
-from ..simulation.batch.reductions import AbstractReduction, check_reductions
-from ..simulation.channels import Channels, check_channels, check_quantities
-from ..simulation.sections import Section
-from ..simulation.windows import Instants, Window
+from ..quantities.instant import Instant
+from ..simulation.reductions.reductions import AbstractReduction, check_reductions
+from ..simulation.reductions.windows import Instants, Window
+from ..simulation.results.channels import Channels, check_channels, check_quantities
+from ..simulation.results.state_tables import STATE_PARTS
+from ..simulation.run.saving import Saving
+from ..simulation.run.sections import Section
+
+SAVED = "saved"
+"""Name of the output with states: "saved_position" is the position of all bodies."""
+PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 
 
 class AbstractSaved(abc.ABC):
-    """Something at chosen times: `channels` there, quantity and unit by name."""
+    """Quantities at chosen times: `channels` has quantity and unit by name."""
 
     channels: Channels
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that a scene has what the channels name."""
+        """Check that a scene has the bodies and joints that the channels name."""
 
     @abc.abstractmethod
     def at(self, scene: Scene) -> np.ndarray:
-        """The times of a lane, (K,) s."""
+        """Return the times of a lane, (K,) s."""
 
 
 @dataclass(frozen=True)
 class Saved(AbstractSaved):
-    """Quantities at chosen times, by the solver's dense output.
+    """Quantities at chosen times, computed with the solver's dense output.
 
     **Arguments:**
 
-    - `times`: (K,) s, rising; or a function of the lane's scene that returns as many for every
-      lane, such as one instant in each turn of a crank whose speed is swept.
+    - `times`: (K,) s, rising; or a function of the lane's scene that returns K times for every
+      lane, such as one time in each revolution of a crank whose speed is swept.
     - `channels`: quantity and unit by name.
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
@@ -53,11 +64,11 @@ class Saved(AbstractSaved):
         check_channels(self.channels)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has what the channels name."""
+        """Check that a scene has the bodies and joints that the channels name."""
         check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
-        """The times of a lane, (K,) s."""
+        """Return the times of a lane, (K,) s."""
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
@@ -66,21 +77,21 @@ class Saved(AbstractSaved):
             "times",
             times,
             "a rising row of finite times, none of them twice",
-            "sort the times, by numpy.unique say",
+            "sort the times, for example by numpy.unique",
         )
         return times
 
 
 @dataclass(frozen=True)
 class ImpactTable:
-    """The finished contacts of a lane, as `simulate` tables them.
+    """Table of the finished impacts of a lane, with the columns of `simulate`'s table.
 
-    For each contact, by the label "joint contact", its first `count` impacts with their onset,
+    For each contact, labelled "joint contact", the table has the first `count` impacts: onset,
     separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
-    penetration, m; and how many were recorded. A contact that has recorded `count` of them may
-    have had more.
+    penetration, m. It also has the number of impacts recorded; a contact with `count` recorded
+    impacts may have had more.
 
-    Their quantiles are exact, of those that are kept:
+    Quantiles of the recorded impacts are exact:
 
     ```python
     import clearjoint as cj
@@ -92,15 +103,13 @@ class ImpactTable:
 
     **Arguments:**
 
-    - `count`: impacts kept of each contact.
-    - `joint`: name of the joint whose contacts are tabled, of all joints unless given.
-    - `after`, `until`: s, the window of time in which they began; from the start to the end of the
-      run unless given.
+    - `count`: number of impacts kept for each contact.
+    - `joint`: name of the joint whose contacts are recorded; by default all joints.
+    - `after`, `until`: s, the window of time of the onsets; by default the whole run.
 
-    **Raises:** `ValueError` for a count that is none, and a window that does not end after its
-    begin.
+    **Raises:** `ValueError` for a count below 1, and for a window that ends before it begins.
 
-    >>> scene, _ = cj.double_pendulum()
+    >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
     [('shoulder', 'V'), ('shoulder', 'W')]
     """
@@ -115,29 +124,75 @@ class ImpactTable:
         self.window()
 
     def window(self) -> Window | None:
-        """The part of the run in which impacts begin; ``None`` for the whole run."""
+        """Return the time window of the onsets; ``None`` for the whole run."""
         window = Window(self.after, self.until)
         return None if window.is_whole else window
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the joint, and contacts."""
+        """Check that a scene has contacts and the joint."""
         known = scene.contact_joints()
         if self.joint is not None:
             require_known("joint", self.joint, known)
         require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
-        """Joint and label of each contact that is tabled."""
+        """Return joint and label of each recorded contact."""
         laws = scene.laws()
         names = laws if self.joint is None else [self.joint]
         return [(name, label) for name in names for label in laws[name]]
 
 
+class PartOfStates(eqx.Module):
+    """One part of the states of all bodies, such as "velocity", in the unit of `STATE_PARTS`."""
+
+    part: str = eqx.field(static=True)
+    bodies: tuple[str, ...] = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Float[Array, "bodies parts"]:
+        """Return the part for each body."""
+        return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
+
+
+class StatesOfLanes(AbstractSaved):
+    """The states of all bodies at times (K,) s, the same times in all lanes."""
+
+    def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
+        self.times, bodies = times, tuple(scene.bodies)
+        self.channels = {
+            part: (PartOfStates(part, bodies), unit) for part, (_, unit) in STATE_PARTS.items()
+        }
+
+    def check(self, scene: Scene) -> None:
+        """Accept every scene, because every scene has bodies."""
+
+    def at(self, scene: Scene) -> np.ndarray:
+        """Return the times of a lane, (K,) s."""
+        del scene
+        return self.times
+
+
 Output = AbstractReduction | AbstractSaved | Section | ImpactTable
 
 
+def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
+    """Return the outputs and, as further outputs, the quantities and states to save.
+
+    **Raises:** `ValueError` for parts of `save` that sweeps don't support, and for names that are
+    used twice.
+    """
+    require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
+    save.require_no_steps("in a sweep", "pass the lane's scene to simulate() for them")
+    require(not save.impacts, "impacts", True, "False in a sweep", PASS_TABLE)
+    further: dict[str, Output] = {**save.sections, **save.outputs}
+    if save.times is not None:
+        further[SAVED] = StatesOfLanes(np.asarray(save.times, dtype=float), scene)
+    twice = sorted(set(outputs) & set(further))
+    require(not twice, "outputs", twice, "names that `save` does not use", "rename the output")
+    return {**outputs, **further}
+
+
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Check that outputs can be kept, and that the scene has what they name.
+    """Check that the outputs are supported and that the scene has the elements that they name.
 
     **Raises:** `ValueError` that names the output.
     """
@@ -157,4 +212,5 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
     saves = [name for name, output in outputs.items() if isinstance(output, AbstractSaved)]
-    require(len(saves) <= 1, "outputs", saves, "with one Saved at most", "join their times")
+    remedy = "join their times"
+    require(len(saves) <= 1, "outputs", saves, "outputs with at most one Saved", remedy)

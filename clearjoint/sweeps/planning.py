@@ -1,33 +1,65 @@
-"""What the lanes of a sweep share, what each has for itself, and by what a store knows them."""
+"""Split a sweep into data shared by its lanes, data of each lane, and digests for a store."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import jax
 import numpy as np
 
+from ..dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
+from ..dynamics.constraint_report import dependent, start_rows_of_lanes
+from ..dynamics.coordinates import AbstractCoordinates
 from ..fields.checks import require
-from ..math.vectors import structured
+from ..math.vectors import fold_constants
 from ..model.scene import Scene
-from ..simulation.batch.lane import Plan, impact_log
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.batch.tasks import Common, Task
-from ..simulation.dense_output import require_dense
-from ..simulation.impact_recorder import ImpactRecorder
-from ..simulation.method import Scheme
-from ..simulation.sections import Section
-from ..simulation.settings import Settings
-from ..simulation.spans import check_span, checked_times
+from ..simulation.lanes.lane import Plan, impact_log
+from ..simulation.lanes.tasks import Common, Task
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.run.impact_recorder import ImpactRecorder
+from ..simulation.run.sections import Section
+from ..simulation.step.dense_output import require_dense
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings
+from ..simulation.step.spans import check_span, checked_times
 from .axes import Axis, Lanes, variable_leaves
 from .outputs import AbstractSaved, ImpactTable, Output
 from .store.identity import Identity, row_digests, run_digests
 from .store.program import RUN, programs
 
 
+def checked_starts(
+    lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
+) -> tuple[Lanes, bool]:
+    """Check the constraints of each lane at the start, as `simulate` does.
+
+    **Returns:** the lanes, and whether any lane has redundant constraints. Lanes with nearly
+    redundant constraints, whose rank is uncertain, are marked as bad.
+
+    **Raises:** `ValueError` if the mechanism has no degree of freedom.
+    """
+    require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
+    bad, redundant = dict(lanes.bad), False
+    known: dict[bytes, np.ndarray] = {}
+    # The runs of lanes that violate their constraints end with the result code not_assembled.
+    residuals = np.concatenate([rows.values, rows.rates], axis=1)
+    for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
+        if lane in bad:
+            continue
+        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], known)
+        try:
+            require_certain(uncertain)
+            redundant = redundant or bool(dependent_rows)
+        except ValueError as error:
+            bad[lane] = str(error)
+    return replace(lanes, bad=dict(sorted(bad.items()))), redundant
+
+
 def common_values(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
-    """What the lanes share: how they are run, and which outputs they have."""
+    """Return the data that all lanes share: settings of the run and outputs."""
     saved, _ = _saved_output(outputs)
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AbstractSaved | Section)}
@@ -51,9 +83,10 @@ def common_values(
         for name, output in recorded.items()
     }
     capacity = {name: section.count for name, section in sections.items()}
-    capacity |= {log: tables[name].count for name, found in logs.items() for log in found}
-    form, start = structured(lanes.scene, lanes.varied), np.asarray(start_time, dtype=float)
-    return Common(plan, form, start, capacity, channels, saved, tables=logs)
+    capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    folded_scene = fold_constants(lanes.scene, lanes.varied)
+    start = np.asarray(start_time, dtype=float)
+    return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
 
 
 def lane_tasks(
@@ -63,7 +96,7 @@ def lane_tasks(
     settings: Settings,
     outputs: Mapping[str, Output],
 ) -> Task:
-    """What each lane has for itself: scene, state, end, first step and times to save at."""
+    """Return the data of each lane: scene, state, end, first step and times to save at."""
     _, saved = _saved_output(outputs)
     count = len(jax.tree.leaves(lanes.states)[0])
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
@@ -79,9 +112,9 @@ def _ends(
     count: int,
     start_time: float,
 ) -> np.ndarray:
-    """(lanes,) s, the end of each of `count` lanes.
+    """Return the end time of each lane, (lanes,) s.
 
-    **Raises:** `ValueError` for ends that are not finite and after the start.
+    **Raises:** `ValueError` for ends that are not finite or not after the start.
     """
     given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
     ends = np.asarray(given, dtype=float)
@@ -100,7 +133,7 @@ def _ends(
 def _save_times(
     saved: AbstractSaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
 ) -> np.ndarray | None:
-    """Times (lanes, K), s, at which to save; ``None`` if nothing is to be saved."""
+    """Return the times (lanes, K), s, at which to save; ``None`` without a `Saved`."""
     if saved is None:
         return None
     rows = [saved.at(scene) for scene in scenes]
@@ -111,23 +144,28 @@ def _save_times(
 
 
 def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AbstractSaved | None]:
-    """The one output that is saved at times, and its name; "" and ``None`` if there is none."""
-    found = ((name, o) for name, o in outputs.items() if isinstance(o, AbstractSaved))
-    return next(found, ("", None))
+    """Return name and output of the one `AbstractSaved`; "" and ``None`` without one."""
+    saved = ((name, o) for name, o in outputs.items() if isinstance(o, AbstractSaved))
+    return next(saved, ("", None))
 
 
 def program_tracer(
     common: Common, axes: Mapping[str, Axis], lanes: Lanes
 ) -> Callable[[], dict[str, str]]:
-    """A function that returns digests of the programs that the lanes run, as the process that calls
-    it traces them."""
-    form = structured(lanes.scene, variable_leaves(lanes, axes))
+    """Return a function that traces the lanes' programs in the calling process.
+
+    The function returns digests of the programs. Worker processes compare them with the digests of
+    the process that made the sweep.
+    """
+    # All leaves that the axes can change are arguments of the program, even if they are equal in
+    # all present lanes: more values on an axis must not change the digests.
+    folded_scene = fold_constants(lanes.scene, variable_leaves(lanes, axes))
     start_time = float(common.start_time)
-    return partial(programs, common.plan, form, lanes.state, start_time, common.channels)
+    return partial(programs, common.plan, folded_scene, lanes.state, start_time, common.channels)
 
 
 def identity(of_programs: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:
-    """Digests by which a store recognises the sweep."""
+    """Return the digests by which a store recognises the sweep."""
     digests = {RUN: run_digests(lanes, tasks)}
     if tasks.save_at is not None:
         digests[common.saved] = row_digests([tasks.save_at])

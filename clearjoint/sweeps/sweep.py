@@ -1,29 +1,33 @@
-"""Sweeps: one scene with many values of its parameters."""
+"""Parameter sweeps: simulate one scene for many values of its parameters."""
 
+import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..dynamics.journals import HOLD_IT, slid_out
+from ..fields.cautions import LeftBearingWarning, caution
 from ..fields.checks import require, require_array_names, require_count
 from ..fields.conversion import with_arrays
-from ..model.bodies import State
+from ..model.bodies import BodyState, State
 from ..model.scene import Scene
-from ..simulation import presets
-from ..simulation.method import Scheme
-from ..simulation.run_checks import check_numbers, check_precision
-from ..simulation.saving import Saving, saving_or_nothing
-from ..simulation.settings import Settings, settings_or
-from .axes import Axis, lanes_of
-from .computing import computed
-from .descriptions import decisive, informative
+from ..result_codes import result_numbers
+from ..simulation.run.run_checks import check_numbers, check_precision
+from ..simulation.run.saving import Saving, saving_or_nothing
+from ..simulation.step import presets
+from ..simulation.step.method import Scheme
+from ..simulation.step.settings import Settings, settings_or
+from .axes import Axis, Lanes, lanes_of
+from .computing import compute_missing
+from .descriptions import identifying_settings, notes_for_readers
 from .executors import AbstractSubmitter
-from .layout import Coordinate, Layout
-from .outputs import Output, check_outputs
-from .planning import common_values, identity, lane_tasks, program_tracer
-from .reports import report_failures, report_journals_outside
-from .saved_states import outputs_beside
-from .starts import checked_starts
+from .layout import RESULT, Coordinate, Layout
+from .outputs import Output, check_outputs, with_saving
+from .planning import checked_starts, common_values, identity, lane_tasks, program_tracer
 from .store.store import SweepMemory, SweepStore
 from .variables import variables_of
 from .work import Work
@@ -53,68 +57,70 @@ def sweep(
 ) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
-    Lanes, one for each combination of values, are integrated together, each on its own time and
-    step size; a lane's numbers are those of the single run, whatever runs beside it. A lane that
-    fails keeps its result code and the time it reached, and the others are untouched.
+    Each combination of values is a lane. Lanes run together, but each has its own time and step
+    size: its numbers are those of a single run and don't depend on the other lanes. A lane that
+    fails keeps its result code and the time it reached, and the other lanes continue.
 
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`. `end_time` may be a function
-      of the lane's scene, say of a crank's speed.
-    - `axes`: the values of each parameter by name; see `Axis`. Their outer product, or with
-      `zipped` as many lanes as each has values, for lists and designs of experiments.
-    - `outputs`: what is kept of each lane, by name: reductions (`Peak`, `ImpactCount`,
+      of the lane's scene, for example of the speed of a crank.
+    - `axes`: the values of each parameter by name; see `Axis`. The lanes are all combinations of
+      the values. With `zipped`, lane i has the i-th value of every axis.
+    - `outputs`: outputs to keep for each lane, by name: reductions (`Peak`, `ImpactCount`,
       `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
       `AbstractReduction`), one `Saved`, `Section`, and `ImpactTable`:
-      ``{"hits": cj.ImpactTable(20)}`` tables the first 20 impacts of every contact, the peak force
-      of which is ``hits_peak_force``. The final state, result code, time reached, and steps are
-      always kept.
-    - `settings`: how to integrate; `clearjoint.presets.default` unless given.
-    - `save`: what else to keep of each lane, as in `simulate`: the states at times, as
+      ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every contact, whose peak
+      force is ``hits_peak_force``. The final state, result code, time reached, and numbers of steps
+      are always kept.
+    - `settings`: settings of the integration; by default `clearjoint.presets.default`.
+    - `save`: further results of each lane, as in `simulate`: the states at given times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
-      ``saved_time``, and sections, which are outputs of the same names. Every step of a lane can't
-      be kept, and impacts only in an `ImpactTable`.
-    - `path`: a Zarr store, which is written chunk by chunk. A sweep that finds its own store there
-      computes only what is missing or damaged, so that values of axes, axes and outputs can be
-      added. It is known by its lanes' numbers and by what JAX traces of their runs, not by source
-      texts or names. `open_sweep(path)` reads it, finished or not, and so does
-      ``xarray.open_zarr(path)``. Lanes are stored while others run: a process that is killed loses
-      those that run, and of those that have ended a chunk or the last ten seconds.
-    - `executor`: a `concurrent.futures.Executor` (of processes that are spawned, not forked; a
-      script that makes one stands behind ``if __name__ == "__main__":``) or a
-      `dask.distributed.Client` (of clusters: ``pip install 'clearjoint[cluster]'``), to which
-      chunks are handed; unless given, threads of this process share the lanes. With Dask, chunks
-      of a worker that dies are computed elsewhere.
-    - `threads`: how many share the lanes in this process: as many as `configure` says, unless
-      given. No result depends on it.
-    - `chunk`: lanes in a chunk of the store, and of what an executor gets.
+      ``saved_time``, and sections, which become outputs of the same names. Sweeps can't save every
+      step, and save impacts only in an `ImpactTable`.
+    - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
+      store of this sweep, only missing or damaged lanes are computed: values of axes, axes and
+      outputs can be added later. A store recognises its sweep by the numbers of its lanes and by
+      the programs that JAX traces, not by source texts or names. `open_sweep(path)` reads it,
+      finished or not, and so does ``xarray.open_zarr(path)``. A process that is killed loses the
+      running lanes and, of the finished ones, at most a chunk or the last ten seconds.
+    - `executor`: a `concurrent.futures.Executor` (if of processes, spawned and not forked; a script
+      must create it below ``if __name__ == "__main__":``) or a `dask.distributed.Client` (for
+      clusters: ``pip install 'clearjoint[cluster]'``), which computes the chunks. By default
+      threads of this process share the lanes. Dask computes the chunks of a worker that dies on
+      another worker.
+    - `threads`: number of threads that share the lanes in this process; by default the number given
+      to `configure`. Results don't depend on it.
+    - `chunk`: number of lanes in a chunk of the store and of the executor.
+    - `progress`: whether to show a progress bar.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
     settings as attributes.
 
-    **Raises:** `ValueError` for arguments that no sweep can use, and for a store that belongs to
-    other settings; `ChunkError` if an executor fails.
+    **Raises:** `ValueError` for unsupported arguments, and for a store that belongs to another
+    sweep; `ChunkError` if an executor fails.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> found = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)
-    >>> np.round(found["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
+    >>> results = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)
+    >>> np.round(results["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
     array([1., 2.])
     """
     settings = settings_or(settings, presets.default)
     settings.require_double()
     check_precision(False)
     scene, state = with_arrays((scene, state))
-    outputs = outputs_beside({} if outputs is None else outputs, saving_or_nothing(save), scene)
+    outputs = with_saving({} if outputs is None else outputs, saving_or_nothing(save), scene)
     _check_axes(axes)
     check_outputs(outputs, scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
-    decides = decisive(settings, start_time)
-    layout = Layout(labels, chunk, *variables_of(scene, outputs), decides, zipped)
+    variables, coordinates = variables_of(scene, outputs)
+    identifying = identifying_settings(settings, start_time)
+    layout = Layout(labels, chunk, variables, coordinates, identifying, zipped)
     lanes = lanes_of(scene, state, axes, layout.values())
-    layout = replace(layout, notes=informative(settings, end_time, outputs, axes, lanes))
+    layout = replace(layout, notes=notes_for_readers(settings, end_time, outputs, axes, lanes))
     check_numbers(scene, state)
     lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
     scheme = Scheme.of(settings, redundant)
@@ -128,15 +134,47 @@ def sweep(
         common = replace(common, programs=tuple(digests.items()))
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
-    results = computed(work, store, trace, executor, threads, progress)
-    report_failures(results, lanes)
-    report_journals_outside(results, lanes)
+    results = compute_missing(work, store, trace, executor, threads, progress)
+    _warn_of_failures(results, lanes)
+    _warn_of_journals_outside(results, lanes)
     return results
 
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:
-    remedy = 'pass for example {"clearance": cj.Axis(place, values)}'
+    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
     require_array_names("axes", axes, remedy)
     for name, axis in axes.items():
         kind = type(axis).__name__
         require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
+
+
+def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
+    """Warn of failed lanes: their number by result code, and the first error message."""
+    names = {number: name for name, number in result_numbers().items()}
+    counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
+    del counts["successful"]
+    if counts:
+        failed = ", ".join(f"{count} {name}" for name, count in counts.items())
+        first = next(iter(lanes.bad.items()), None)
+        example = "" if first is None else f" Lane {first[0]}: {first[1]}"
+        warnings.warn(
+            f"{counts.total()} of {results[RESULT].size} lanes failed: {failed}.{example}",
+            stacklevel=3,
+        )
+
+
+def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
+    parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
+    columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
+    bodies = {
+        str(name): BodyState(*(column[:, k] for column in columns))
+        for k, name in enumerate(results["body"].values)
+    }
+    for name, excess in slid_out(lanes.contact_joints(), bodies).items():
+        count = int(np.count_nonzero(excess > 0.0))
+        if count:
+            caution(
+                f"In {count} of {excess.size} lanes the journal of joint {name!r} has slid out of "
+                f"its bearing at the end, by up to {np.nanmax(excess):.3g} m. {HOLD_IT}",
+                LeftBearingWarning,
+            )

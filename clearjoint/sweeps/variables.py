@@ -1,4 +1,4 @@
-"""Names, shapes and units of what a sweep reports of its lanes."""
+"""Names, shapes and units of the results of a sweep."""
 
 from collections.abc import Mapping
 
@@ -6,21 +6,20 @@ import numpy as np
 
 from ..fields.checks import require
 from ..model.scene import Scene
-from ..results import result_numbers
-from ..simulation.batch.reductions import AbstractReduction
-from ..simulation.impact_table import IMPACT_UNITS
-from ..simulation.sections import Section
-from ..simulation.state_tables import LABELS, STATE_PARTS, contact_label
+from ..result_codes import result_numbers
+from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.results.impact_table import IMPACT_UNITS
+from ..simulation.results.state_tables import LABELS, STATE_PARTS, contact_label
+from ..simulation.run.sections import Section
 from .layout import RESULT, Coordinate, Variable
-from .outputs import AbstractSaved, ImpactTable, Output
-from .saved_states import StatesOfLanes
+from .outputs import AbstractSaved, ImpactTable, Output, StatesOfLanes
 from .work import CONTACT, variable_name
 
 
 def variables_of(
     scene: Scene, outputs: Mapping[str, Output]
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
-    """The variables of a sweep with the given outputs, and the labels of their dimensions."""
+    """Return the variables of a sweep and the labels of their dimensions."""
     variables = _always(scene)
     coordinates = [
         Coordinate("body", np.array(list(scene.bodies), dtype=str)),
@@ -39,7 +38,8 @@ def variables_of(
         else:
             further = _recorded(scene, name, output)
         twice = sorted(set(variables) & set(further))
-        require(not twice, f"outputs[{name!r}]", twice, "of other names", "rename the output")
+        expected = "an output whose results have unused names"
+        require(not twice, f"outputs[{name!r}]", twice, expected, "rename the output")
         variables |= further
     return variables, tuple(coordinates)
 
@@ -48,8 +48,8 @@ def _always(scene: Scene) -> dict[str, Variable]:
     codes = result_numbers()
     flags = {"flag_values": list(codes.values()), "flag_meanings": " ".join(codes)}
     variables = {
-        RESULT: Variable(dtype="int8", description="how the run ended", attrs=flags),
-        "time_reached": Variable(unit="s", description="where the run ended"),
+        RESULT: Variable(dtype="int8", description="result code of the run", attrs=flags),
+        "time_reached": Variable(unit="s", description="time at which the run ended"),
         "attempts": Variable(dtype="int64", description="steps tried"),
         "accepted": Variable(dtype="int64", description="steps accepted"),
     }

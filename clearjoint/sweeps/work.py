@@ -1,28 +1,28 @@
-"""The work of a sweep: lanes ready to run, and their results as arrays."""
+"""Execution of the lanes of a sweep, and conversion of their results to arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..results import RESULTS, result_number
-from ..simulation.batch.scheduler import Batch, Ended, Running
-from ..simulation.batch.tasks import Common, Task
-from ..simulation.state_tables import STATE_PARTS
+from ..result_codes import RESULTS, result_number
+from ..simulation.lanes.scheduler import Batch, Ended, Running
+from ..simulation.lanes.tasks import Common, Task
+from ..simulation.results.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"
-"""Of a table of impacts: what its dimension of contacts is called behind its name."""
+"""Suffix of the name of an impact table's dimension of contacts."""
 
 
 @dataclass(frozen=True)
 class Work:
     """All lanes of a sweep.
 
-    - `common`: what the lanes share; `tasks`: what each has for itself, host arrays with lanes in
-      front.
-    - `bodies`: names in the order of the variables' dimension "body".
-    - `bad`: numbers of the lanes whose parameters no scene can have; they are not run.
+    - `common`: data shared by the lanes.
+    - `tasks`: data of each lane, host arrays (lanes, ...).
+    - `bodies`: names of the bodies along the dimension "body".
+    - `bad`: numbers of the lanes with invalid parameters; they are not run.
     - `variables`: the results of a lane, by name.
     """
 
@@ -43,10 +43,19 @@ class Work:
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
-        """Run lanes; `on_ended` gets the numbers (n,) and the results of some at a time."""
-        refused = np.array([lane for lane in lanes if lane in self.bad], int)
-        if refused.size:
-            on_ended(refused, self._refused(len(refused)))
+        """Run lanes.
+
+        Whenever lanes end, `on_ended` gets their numbers (n,) and results.
+        """
+        bad = np.array([lane for lane in lanes if lane in self.bad], int)
+        if bad.size:
+            results = {
+                name: np.full((len(bad), *v.shape), v.fill, v.dtype)
+                for name, v in self.variables.items()
+            }
+            results[RESULT] = np.full(len(bad), result_number(RESULTS.bad_parameters), np.int8)
+            results["time_reached"] = np.full(len(bad), float(self.common.start_time))
+            on_ended(bad, results)
         batch = Batch(self.common, self.tasks, threads)
         batch.run(
             [lane for lane in lanes if lane not in self.bad],
@@ -55,16 +64,7 @@ class Work:
         )
         return batch
 
-    def _refused(self, count: int) -> LaneArrays:
-        results = {
-            name: np.full((count, *v.shape), v.fill, v.dtype) for name, v in self.variables.items()
-        }
-        results[RESULT] = np.full(count, result_number(RESULTS.bad_parameters), np.int8)
-        results["time_reached"] = np.full(count, float(self.common.start_time))
-        return results
-
     def _results(self, ended: Ended) -> LaneArrays:
-        """The results of lanes by variable; what was not recorded is NaN."""
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
@@ -80,7 +80,7 @@ class Work:
                 results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
-        # A result that no number of a lane enters is one for all lanes.
+        # A result that doesn't depend on the lanes' numbers has no lane dimension.
         return {
             name: np.broadcast_to(
                 np.asarray(results[name], variable.dtype), (len(ended.lanes), *variable.shape)
@@ -89,12 +89,13 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """What was recorded for each output, and "count": of how many rows."""
+        """Return the recorded columns of each output, with "count", the number of rows."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
+        # Each contact of an impact table has a log: these are stacked to one table.
         tabled = {log for contacts in self.common.tables.values() for log in contacts}
-        alone = {name: log for name, log in logs.items() if name not in tabled}
+        others = {name: log for name, log in logs.items() if name not in tabled}
         tables = {
             name: {
                 key: np.stack([logs[contact][key] for contact in contacts], axis=1)
@@ -102,16 +103,16 @@ class Work:
             }
             for name, contacts in self.common.tables.items()
         }
-        return alone | tables
+        return others | tables
 
 
 @dataclass(frozen=True)
 class Chunks:
-    """The work in chunks.
+    """The lanes of a sweep in chunks, for worker processes.
 
     - `lanes`: numbers of the lanes to run, by chunk.
-    - `trace`: returns digests of the programs that this process would run. If they differ from
-      those of `work`, it has other code than the process that made the work.
+    - `trace`: returns digests of the programs that the calling process would run. If they differ
+      from those of `work`, the process has other code than the process that made the sweep.
     """
 
     work: Work
@@ -119,42 +120,43 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """The results of a chunk's lanes, computed in this process.
+        """Compute the results of a chunk's lanes in this process.
 
         **Raises:** `RuntimeError` in a process that runs other code.
         """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
+        # Lanes end in any order: sort their results into the order of the chunk.
         lanes, results = concatenated(parts)
         order = np.argsort(lanes)[np.searchsorted(np.sort(lanes), self.lanes[chunk])]
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
         expected = self.work.common.programs
-        if self.trace is None or expected in _own_programs:
+        if self.trace is None or expected in _confirmed_programs:
             return
         if tuple(self.trace().items()) != expected:
             raise RuntimeError(
                 "This worker would run other code than the process that made the sweep, for "
-                "example since a file was edited meanwhile: start both anew."
+                "example because a file was edited in the meantime: restart both."
             )
-        _own_programs.add(expected)
+        _confirmed_programs.add(expected)
 
 
-_own_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of programs that this process has traced and found to be its own."""
+_confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
+"""Digests of programs that this process has traced: tracing once per process is enough."""
 
 
 def variable_name(output: str, key: str) -> str:
-    """Name in the data set of one result of an output."""
+    """Return the name in the data set of one result of an output."""
     return f"{output}_{key}" if key else output
 
 
 def concatenated(
     parts: Sequence[tuple[np.ndarray, LaneArrays]],
 ) -> tuple[np.ndarray, LaneArrays]:
-    """The lanes of several parts, and their results."""
+    """Return the lanes of several parts, and their results."""
     results = {
         name: np.concatenate([results[name] for _, results in parts]) for name in parts[0][1]
     }

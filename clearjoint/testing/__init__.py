@@ -1,8 +1,8 @@
-"""For tests and measurements: checks of laws and joints of one's own, and the programs inside runs.
+"""Checks of user-defined laws and elements, and access to the functions that a run evaluates.
 
 `check_law`, `check_friction`, `check_bristles`, `check_film`, `check_constraint`, `check_force` and
-`check_contact_joint` are for authors of new elements. `RunProgram` and `Stepper` give the functions
-that a run evaluates at a step, to trace, count and time.
+`check_contact_joint` are for authors of new elements. `RunProgram` and `Stepper` provide the
+functions of an integration step, to be traced, counted and timed.
 """
 
 from ..fields.readable import without_modules as _without_modules

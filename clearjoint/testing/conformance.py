@@ -1,5 +1,7 @@
-"""Conformance checks for laws and joints of one's own. Each raises an ``AssertionError`` that says
-what is wrong; call them from a test."""
+"""Conformance checks of user-defined contact laws, friction laws and constraints.
+
+Each check raises an ``AssertionError`` with the first problem. Call them in a test.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -27,14 +29,15 @@ DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 EDGE = 1e-9
-"""How near to where the force begins, m and as a part of the reach, a jump is that of the onset."""
+"""Largest distance from the onset, m and relative to the onset offset, of a jump at the onset."""
 
 
-Places: TypeAlias = Float[jax.Array, " N"]
-"""Depths in m, rates or speeds in m/s at N places; or forces in N there."""
+Points: TypeAlias = Float[jax.Array, " N"]
+"""Depths in m, rates or speeds in m/s, or forces in N at N points."""
 
 
-def _require(condition: Condition, message: str) -> None:
+def ensure(condition: Condition, message: str) -> None:
+    """Raise an `AssertionError` with the message unless all of the condition holds."""
     if not bool(jnp.all(condition)):
         raise AssertionError(message)
 
@@ -42,23 +45,28 @@ def _require(condition: Condition, message: str) -> None:
 def check_law(
     law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
 ) -> None:
-    """Check a normal law: sign, onset, energy, dissipation, derivatives, jumps, behaviour under
-    vmap, sensitivities to rate, entry speed and each of its numbers against differences, and that
-    an unknown entry speed means elastic contact.
+    """Check that a normal contact law is consistent.
 
-    A force may jump where contact begins or ends, as that of a parallel damper does, unless the law
-    declares that it does not (`AbstractContactLaw.force_jumps`); a `UserWarning` tells of it. It
-    must not jump elsewhere, where no step lands.
+    - The force is finite, not negative, and zero before the onset.
+    - The stored energy is the integral of the elastic force; the rest of the force dissipates.
+    - Derivatives by depth, rate, entry speed and each parameter are finite, and agree with finite
+      differences.
+    - The force doesn't jump except at the onset and at separation, where integration steps end. A
+      jump there must be declared (`AbstractContactLaw.force_jumps`) and issues a `UserWarning`.
+    - With an unknown entry speed the contact is elastic.
+    - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `bearing_radius` and radial `clearance` in m, for stiffnesses that need them.
+    **Arguments:** `law`. `bearing_radius` and radial `clearance`: m, for stiffnesses that use them.
 
-    >>> testing.check_law(cj.HuntCrossley(0.8, 1e9))
+    **Raises:** `AssertionError` with the first problem.
+
+    >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
     def force(depth: Scalar, rate: Scalar, entry: Scalar, law: AbstractContactLaw) -> jax.Array:
-        force = law.force(Gap(depth, rate, *wall), entry if law.has_memory else None)
+        force = law.force(Gap(depth, rate, *wall), entry if law.uses_entry_speed else None)
         return jnp.asarray(force)
 
     def elastic(depth: Scalar) -> Scalar:
@@ -68,20 +76,22 @@ def check_law(
         return law.stored_energy(Gap(depth, jnp.zeros_like(depth), *wall))
 
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, entry, law)
-    _require(jnp.isfinite(forces), "The force is not finite everywhere.")
-    _require(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
-    outside = depth < -jnp.asarray(law.reach())
-    _require(jnp.where(outside, forces, 0.0) == 0.0, "There is a force beyond the law's reach().")
-    one = jnp.stack([force(d, r, e, law) for d, r, e in zip(depth[:9], rate, entry, strict=False)])
-    _require(jnp.allclose(one, forces[:9]), "The force under vmap differs from that of one lane.")
+    ensure(jnp.isfinite(forces), "The force is not finite everywhere.")
+    ensure(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
+    outside = depth < -jnp.asarray(law.onset_offset())
+    ensure(jnp.where(outside, forces, 0.0) == 0.0, "There is a force before onset_offset().")
+    lanes = zip(depth[:9], rate, entry, strict=False)
+    single = jnp.stack([force(d, r, e, law) for d, r, e in lanes])
+    same = jnp.allclose(single, forces[:9])
+    ensure(same, "The force under vmap differs from a single evaluation.")
     dissipation = (forces - jax.vmap(elastic)(depth)) * rate
     scale = 1e-9 * (1.0 + jnp.abs(forces * rate))
-    _require(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
+    ensure(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
     _check_energy(elastic, energy)
     _check_derivatives(force, law, depth, rate, entry)
     for complaint in complaints_of_sensitivities(force, law):
         raise AssertionError(complaint)
-    if law.has_memory:
+    if law.uses_entry_speed:
         _check_unknown_entry(force, elastic, law)
     _check_jumps(jax.vmap(force, in_axes=(0, 0, 0, None)), law)
 
@@ -92,40 +102,40 @@ def _check_unknown_entry(
     depth, rate = _grid(DEPTHS, RATES)
     unknown = jnp.full_like(depth, UNKNOWN_ENTRY_SPEED)
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))(depth, rate, unknown, law)
-    _require(
+    ensure(
         jnp.allclose(forces, jax.vmap(elastic)(depth), rtol=1e-6, atol=1e-12),
-        "The force of a contact whose impact was not seen, for which a vast entry speed stands, is "
-        "not the elastic one.",
+        "The force at an unknown entry speed, which is represented by a very large value, is not "
+        "the elastic force.",
     )
 
 
-def _check_jumps(force: Callable[..., Places], law: AbstractContactLaw) -> None:
+def _check_jumps(force: Callable[..., Points], law: AbstractContactLaw) -> None:
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
-    sizes, places = jumps(lambda depth: force(depth, rate, entry, law), left, right)
-    reach = jnp.asarray(law.reach(), float)
-    at_edge = jnp.abs(places + reach) <= EDGE * jnp.maximum(reach, EDGE)
+    sizes, depths = jumps(lambda depth: force(depth, rate, entry, law), left, right)
+    offset = jnp.asarray(law.onset_offset(), float)
+    at_edge = jnp.abs(depths + offset) <= EDGE * jnp.maximum(offset, EDGE)
     inside = jnp.where(at_edge, 0.0, sizes)
     k = int(jnp.argmax(jnp.abs(inside)))
-    _require(
+    ensure(
         inside[k] == 0.0,
-        f"The force jumps by {inside[k]:.3g} N inside of the contact, at a depth of "
-        f"{places[k]:.3g} m and a rate of {rate[k]:.3g} m/s: no step lands there; smooth it.",
+        f"The force jumps by {inside[k]:.3g} N inside the contact, at a depth of {depths[k]:.3g} m "
+        f"and a rate of {rate[k]:.3g} m/s, where no integration step ends: smooth it.",
     )
     depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
     fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
     by_rate, rates = jumps(lambda rate: force(depth, rate, entry_of_rate, law), slow, fast)
     k = int(jnp.argmax(jnp.abs(by_rate)))
-    _require(
+    ensure(
         by_rate[k] == 0.0,
         f"The force jumps by {by_rate[k]:.3g} N with the rate, at {rates[k]:.3g} m/s and a depth "
-        f"of {depth[k]:.3g} m: no step lands there; smooth it.",
+        f"of {depth[k]:.3g} m, where no integration step ends: smooth it.",
     )
-    _tell_of_edge(law, jnp.where(at_edge, sizes, 0.0), rate)
+    _warn_of_edge(law, jnp.where(at_edge, sizes, 0.0), rate)
 
 
-def _tell_of_edge(law: AbstractContactLaw, sizes: Places, rate: Places) -> None:
-    """Say what the force does where contact begins and ends, from its jumps there at some rates."""
+def _warn_of_edge(law: AbstractContactLaw, sizes: Points, rate: Points) -> None:
+    """Check and report jumps of the force at the onset and at separation, for several rates."""
     k = int(jnp.argmax(jnp.abs(sizes)))
     if sizes[k] == 0.0:
         return
@@ -133,17 +143,17 @@ def _tell_of_edge(law: AbstractContactLaw, sizes: Places, rate: Places) -> None:
         f"The force jumps by {sizes[k]:.3g} N where contact begins or ends, at a rate of "
         f"{rate[k]:.3g} m/s"
     )
-    _require(law.force_jumps, f"{statement}, but the law declares `force_jumps = False`.")
+    ensure(law.force_jumps, f"{statement}, but the law declares `force_jumps = False`.")
     warnings.warn(
-        f"{statement}. Steps land there and sensitivities have the jump's own term, but plain "
-        "differentiation of `simulate` has not. If it is not meant, let the damping grow with the "
-        "depth.",
+        f"{statement}. Integration steps end there and `sensitivities` includes the effect of the "
+        "jump, but direct differentiation of `simulate` does not. If the jump is unintended, let "
+        "the damping grow with the depth.",
         stacklevel=4,
     )
 
 
-def _grid(*rows: tuple[float, ...]) -> list[Places]:
-    """All combinations of the rows' values, a flat array for each row."""
+def _grid(*rows: tuple[float, ...]) -> list[Points]:
+    """Return all combinations of the rows' values, a flat array for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 
@@ -152,26 +162,26 @@ def _check_energy(elastic: Callable[[Scalar], Scalar], energy: Callable[[Scalar]
     slope = jax.vmap(jax.grad(energy))(depths)
     expected = jax.vmap(elastic)(depths)
     close = jnp.allclose(slope, expected, rtol=1e-9, atol=1e-12)
-    _require(close, "stored_energy is not the integral of elastic_force over the depth.")
+    ensure(close, "stored_energy is not the integral of elastic_force over the depth.")
 
 
 def _check_derivatives(
     force: Callable[..., Scalar],
     law: AbstractContactLaw,
-    depth: Places,
-    rate: Places,
-    entry: Places,
+    depth: Points,
+    rate: Points,
+    entry: Points,
 ) -> None:
     slopes = jax.vmap(jax.grad(force, argnums=(0, 1, 2)), in_axes=(0, 0, 0, None))
     for name, slope in zip(
         ("depth", "rate", "entry speed"), slopes(depth, rate, entry, law), strict=True
     ):
-        _require(jnp.isfinite(slope), f"The derivative by the {name} is not finite everywhere.")
+        ensure(jnp.isfinite(slope), f"The derivative by the {name} is not finite everywhere.")
     by_law = eqx.filter_vmap(
         eqx.filter_grad(lambda law, d, r, e: force(d, r, e, law)), in_axes=(None, 0, 0, 0)
     )(jax.tree.map(jnp.asarray, law), depth, rate, entry)
     for leaf in jax.tree.leaves(by_law):
-        _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
+        ensure(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
     step = 1e-9
     inside = (depth > 1e-7) & (rate > 0.0)
     difference = [
@@ -181,53 +191,64 @@ def _check_derivatives(
     numeric = (difference[0] - difference[1]) / step
     exact = slopes(depth, rate, entry, law)[0]
     near = jnp.abs(numeric - exact) <= 1e-4 * jnp.abs(exact) + 1e-3
-    _require(~inside | near, "The derivative by the depth is not that of the force.")
+    ensure(~inside | near, "The derivative by the depth does not agree with finite differences.")
 
 
 def check_friction(friction: AbstractFriction) -> None:
-    """Check a friction law: against the slip, zero without it, finite derivatives at rest, by its
-    parameters too, and behaviour under vmap.
+    """Check that a friction law is consistent.
 
-    >>> testing.check_friction(cj.RegularisedCoulomb(0.1))
+    - Friction opposes the slip, vanishes without slip, and doesn't jump.
+    - Derivatives by slip and parameters are finite, even at rest.
+    - `jax.vmap` gives the same result as a single evaluation.
+
+    **Raises:** `AssertionError` with the first problem.
+
+    >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     ratio = jax.vmap(lambda speed: jnp.asarray(friction.ratio(speed)))
     ratios = ratio(speeds)
-    _require(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
-    _require(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
-    sizes, places = jumps(ratio, speeds[:-1], speeds[1:])
+    ensure(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
+    ensure(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
+    sizes, at = jumps(ratio, speeds[:-1], speeds[1:])
     k = int(jnp.argmax(jnp.abs(sizes)))
-    _require(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {places[k]:.3g} m/s: smooth it.")
-    one = jnp.stack([jnp.asarray(friction.ratio(speed)) for speed in speeds])
-    _require(jnp.allclose(one, ratios), "ratio() under vmap differs from that of one lane.")
+    ensure(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {at[k]:.3g} m/s: smooth it.")
+    single = jnp.stack([jnp.asarray(friction.ratio(speed)) for speed in speeds])
+    same = jnp.allclose(single, ratios)
+    ensure(same, "ratio() under vmap differs from a single evaluation.")
     by_friction = eqx.filter_vmap(
         eqx.filter_grad(lambda law, speed: law.force(1.0, Vector(speed, 0.0, 0.0)).x),
         in_axes=(None, 0),
     )(jax.tree.map(jnp.asarray, friction), speeds)
     for leaf in jax.tree.leaves(by_friction):
-        _require(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
+        ensure(jnp.isfinite(leaf), "The derivative by a parameter of the law is not finite.")
 
     def force(slip: jax.Array) -> Scalar:
         return friction.force(1.0, Vector(slip[0], slip[1], slip[2])).x
 
     for slip in ([0.0, 0.0, 0.0], [1e-4, 0.0, 0.0], [0.3, -0.2, 0.1]):
         slope = jax.jacfwd(force)(jnp.asarray(slip))
-        _require(jnp.isfinite(slope), f"The force's derivative is not finite at slip {slip} m/s.")
+        ensure(jnp.isfinite(slope), f"The force's derivative is not finite at slip {slip} m/s.")
 
 
 def check_bristles(friction: AbstractBristleFriction) -> None:
-    """Check a bristle law: it sticks without slip, sliding bounds the deflection, it stores no
-    negative energy, derivatives are finite at rest, by its parameters too, and vmap gives what one
-    lane does.
+    """Check that a bristle friction law is consistent.
 
-    >>> testing.check_bristles(cj.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
+    - The deflection is constant without slip and bounded during sliding.
+    - The stored energy is never negative.
+    - Derivatives by deflection, slip and parameters are finite, even at rest.
+    - `jax.vmap` gives the same result as a single evaluation.
+
+    **Raises:** `AssertionError` with the first problem.
+
+    >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """
     full = jnp.asarray(friction.full_deflection(), float)
-    _require(full > 0.0, "full_deflection() is not positive.")
-    shares = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
+    ensure(full > 0.0, "full_deflection() is not positive.")
+    ratios = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
     deflection, speed = (
-        axis.ravel() for axis in jnp.meshgrid(shares * full, speeds, indexing="ij")
+        axis.ravel() for axis in jnp.meshgrid(ratios * full, speeds, indexing="ij")
     )
 
     def along(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> tuple[Scalar, Scalar]:
@@ -236,35 +257,37 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
         return rate.dot(bristles), law.ratio(bristles, rate, slip).x
 
     growth, ratio = jax.vmap(along, in_axes=(None, 0, 0))(friction, deflection, speed)
-    _require(jnp.isfinite(ratio), "The friction is not finite everywhere.")
+    ensure(jnp.isfinite(ratio), "The friction is not finite everywhere.")
     sticks = speed == 0.0
-    _require(jnp.where(sticks, growth, 0.0) == 0.0, "rate() without slip is not zero: it creeps.")
+    ensure(jnp.where(sticks, growth, 0.0) == 0.0, "rate() without slip is not zero: it creeps.")
     slides = (deflection > 5.0 * full) & ~sticks
-    _require(~slides | (growth < 0.0), "Ten full deflections do not shrink as it slides.")
+    message = "A deflection of ten times full_deflection() does not shrink in sliding."
+    ensure(~slides | (growth < 0.0), message)
     none = Vector(0.0, 0.0, 0.0)
     at_rest = friction.ratio(none, none, none)
-    _require(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
-    held = jnp.stack(
-        [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in shares * full]
+    ensure(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
+    stored = jnp.stack(
+        [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in ratios * full]
     )
-    _require(
-        (held[0] == 0.0) & (held >= 0.0),
-        "stored_energy() is negative, or not zero without deflection: nothing is stored there.",
+    ensure(
+        (stored[0] == 0.0) & (stored >= 0.0),
+        "stored_energy() is negative, or not zero without deflection.",
     )
-    _require(
+    ensure(
         jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds) >= 0.0,
         "sliding_ratio() is negative somewhere: friction would drive the slip.",
     )
-    one = jnp.stack([along(friction, z, v)[1] for z, v in zip(deflection, speed, strict=True)])
-    _require(jnp.allclose(one, ratio), "The friction under vmap differs from that of one lane.")
+    single = jnp.stack([along(friction, z, v)[1] for z, v in zip(deflection, speed, strict=True)])
+    same = jnp.allclose(single, ratio)
+    ensure(same, "The friction under vmap differs from a single evaluation.")
     _check_bristle_derivatives(along, friction, deflection, speed)
 
 
 def _check_bristle_derivatives(
     along: Callable[..., tuple[Scalar, Scalar]],
     friction: AbstractBristleFriction,
-    deflection: Places,
-    speed: Places,
+    deflection: Points,
+    speed: Points,
 ) -> None:
     for part, name in enumerate(("rate", "ratio")):
 
@@ -277,16 +300,21 @@ def _check_bristle_derivatives(
         for leaf in jax.tree.leaves(
             (slopes(friction, deflection, speed), by_law(packed, deflection, speed))
         ):
-            _require(jnp.isfinite(leaf), f"A derivative of {name}() is not finite everywhere.")
+            ensure(jnp.isfinite(leaf), f"A derivative of {name}() is not finite everywhere.")
 
 
 def check_constraint(
     constraint: AbstractConstraint, motions: dict[str, Motion], tolerance: float = 1e-6
 ) -> None:
-    """Check a joint's rows at given motions: the rate of each value against its Jacobian, and the
-    bias against the rate's own rate, by central differences along the motion.
+    """Check the Jacobian, time rate and bias of a joint's rows against central differences.
 
-    **Arguments:** `motions` of the joint's bodies; moving and turning ones test most.
+    **Arguments:**
+
+    - `constraint`: the joint.
+    - `motions`: of its bodies; translating and rotating bodies make the strictest test.
+    - `tolerance`: relative.
+
+    **Raises:** `AssertionError` with the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
@@ -297,15 +325,15 @@ def check_constraint(
     """
     step = 1e-5
     constraint = unpack(constraint)
-    here = constraint.rows(motions, 0.0)
+    rows = constraint.rows(motions, 0.0)
     ahead = constraint.rows(moved(motions, step), step)
     behind = constraint.rows(moved(motions, -step), -step)
-    _require(here.keys() == ahead.keys(), "The names of the rows change with the motion.")
-    for label, row in here.items():
+    ensure(rows.keys() == ahead.keys(), "The names of the rows change with the motion.")
+    for label, row in rows.items():
         rate = (ahead[label].value - behind[label].value) / (2 * step)
         expected = row_rate(row, motions)
         size = 1.0 + abs(float(expected))
-        _require(
+        ensure(
             abs(float(rate - expected)) < tolerance * size,
             f"Row {label!r}: the Jacobian times the velocities, plus the time rate, is not the "
             "rate of the value.",
@@ -325,7 +353,7 @@ def _check_bias(
         float(row_rate(r, moved(motions, s))) for r, s in zip(around, (-step, step), strict=True)
     ]
     bias = (rates[1] - rates[0]) / (2 * step)
-    _require(
+    ensure(
         abs(bias - float(row.bias)) < 10 * tolerance * (1.0 + abs(bias)),
         f"Row {label!r}: the bias is not the rate of (Jacobian times velocities, plus time rate) "
         "at constant velocities and body spins.",

@@ -1,4 +1,4 @@
-"""The conformance check for joints with play of one's own."""
+"""Conformance check of user-defined contact joints."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,25 +14,26 @@ from ..dynamics.contact_forces import LoadedContact, contact_force
 from ..math.vectors import ZERO, Condition, Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, Motion
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
+from .conformance import ensure
 
 TOLERANCE = 1e-9
-"""Of what holds exactly, as a part of what it is made of; lengths in m count as at least one."""
+"""Tolerance of exact relations, relative to their terms; lengths in m count as at least one."""
 STEP, TOLERANCE_OF_DIFFERENCES = 1e-6, 1e-5
-"""Of a difference, as a part of the number; and of the derivative."""
-PRESSED, ENTRY_SPEED = 1e-6, 0.1
-"""Penetration, m, and entry speed, m/s, of a contact that is looked at."""
+"""Relative step of finite differences, and relative tolerance of derivatives."""
+PENETRATION, ENTRY_SPEED = 1e-6, 0.1
+"""Penetration, m, and entry speed, m/s, of a tested contact."""
 
 Rows: TypeAlias = dict[str, jax.Array]
-"""Numbers of each contact in a row."""
+"""An array of numbers of each contact."""
 Contacts: TypeAlias = dict[str, tuple[LoadedContact, Scalar]]
-"""Each contact with its forces, and the energy that it stores, J."""
+"""Each contact with its forces, and its stored energy, J."""
 
 
-class _Look(NamedTuple):
-    """What is seen at several places: what may be wrong, and whether it is; the contacts' numbers,
-    and their derivatives along a change."""
+class _Evaluation(NamedTuple):
+    """Result at a point: failed conditions by message, the contacts' numbers, and their derivatives
+    along a change."""
 
-    wrong: ByLabel[Condition]
+    failures: ByLabel[Condition]
     rows: Rows
     slopes: Rows
 
@@ -40,25 +41,30 @@ class _Look(NamedTuple):
 def check_contact_joint(
     joint: AbstractContactJoint, motions: Mapping[str, Motion], together: bool = True
 ) -> None:
-    """Check a joint with play at given motions, at the first touch of each contact and a micrometre
-    deeper, with its points on both bodies together, and at all of them without velocity:
+    """Check that a contact joint is consistent.
 
-    - normals are unit vectors, and penetrations grow at their rates;
-    - the forces on both bodies are equal and opposite on one line, or the couples are, and do the
-      work that the rate of the penetration tells, which of the elastic force is that of the stored
-      energy;
-    - slip is tangential, and friction acts across the normal and against sliding;
-    - derivatives by motion and numbers are finite, and those of the penetration by each number are
-      what differences give;
-    - `jax.vmap` gives what one lane does.
+    - Normals are unit vectors, and the rate of each penetration is its time derivative.
+    - The forces on both bodies are equal and opposite on one line, or equal and opposite couples.
+      Their power agrees with the rate of the penetration, and that of the elastic force with the
+      rate of the stored energy.
+    - The slip is tangential. Friction is perpendicular to the normal and opposes sliding.
+    - Derivatives by motions and parameters are finite, and the derivative of the penetration by
+      each parameter agrees with finite differences.
+    - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `motions` of the joint's bodies (`moving` makes them); that of the ground may be
-    left out. Moving and turning ones, in flight by less than a centimetre, test most. `together`:
-    whether the joint's points can meet, as the centres of two gears cannot.
+    The joint is tested at the given motions, at the onset of each contact, a micrometre deeper,
+    with its attachment points coincident, and at all these positions at rest.
 
-    **Raises:** `AssertionError` that says what is wrong with which contact.
+    **Arguments:**
 
-    >>> law = cj.LankaraniNikravesh(0.9, cj.STEEL)
+    - `joint`: the joint.
+    - `motions`: of its bodies, as returned by `moving`; the ground may be omitted. Translating and
+      rotating bodies, less than a centimetre from contact, make the strictest test.
+    - `together`: whether the attachment points can coincide; ``False`` for the centres of gears.
+
+    **Raises:** `AssertionError` with the contact and the first problem.
+
+    >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> arm = testing.moving((1e-4, 0, 2e-4), (1, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), (3, 2, 1))
@@ -68,9 +74,9 @@ def check_contact_joint(
     motions = {GROUND: GROUND_MOTION, **motions}
     motions = {name: motions[name] for name in joint.body_names()}
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
-    _require_alike_names(joint, motions)
+    _check_names(joint, motions)
     numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
-    here, restored = ravel_pytree((numbers, motions))
+    given, restored = ravel_pytree((numbers, motions))
 
     def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
         numbers, motions = restored(point)
@@ -78,65 +84,74 @@ def check_contact_joint(
 
     @jax.jit
     @jax.vmap
-    def look(point: jax.Array, change: jax.Array) -> _Look:
-        found, rates = jax.jvp(
+    def evaluate(point: jax.Array, change: jax.Array) -> _Evaluation:
+        contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
-        return _Look(_wrong(*joint_and_motions(point), found, rates), _rows(found), _rows(rates))
+        failures = _failures(*joint_and_motions(point), contacts, rates)
+        return _Evaluation(failures, _rows(contacts), _rows(rates))
 
-    places = _places(joint, motions, together)
-    points = jnp.stack([ravel_pytree((numbers, place))[0] for place in places])
-    still = jax.tree.map(jnp.zeros_like, numbers)
-    along = jnp.stack([ravel_pytree((still, _velocities(place)))[0] for place in places])
-    by_number = _changes_of_numbers(numbers, here)
-    ahead, behind = (here + sign * STEP * by_number for sign in (1.0, -1.0))
-    asked = (
-        (points, along),
+    # A point is a vector of all parameters and motions. All evaluations share one compiled call:
+    # derivatives along the motion, along all numbers at once, and along each parameter with the
+    # evaluations for its central difference.
+    positions = _positions(joint, motions, together)
+    points = jnp.stack([ravel_pytree((numbers, position))[0] for position in positions])
+    zero = jax.tree.map(jnp.zeros_like, numbers)
+    velocities = jnp.stack([ravel_pytree((zero, _velocities(p)))[0] for p in positions])
+    by_number = _changes_of_numbers(numbers, given)
+    ahead, behind = (given + sign * STEP * by_number for sign in (1.0, -1.0))
+    requests = (
+        (points, velocities),
         (points, jnp.ones_like(points)),
-        (jnp.broadcast_to(here, by_number.shape), by_number),
+        (jnp.broadcast_to(given, by_number.shape), by_number),
         (ahead, by_number),
         (behind, by_number),
     )
-    seen = look(*(jnp.concatenate(parts) for parts in zip(*asked, strict=True)))
-    ends = np.cumsum([len(part) for part, _ in asked])[:-1]
-    for label, alone in _rows(_contacts(joint, motions)).items():
-        for complaint, doubt in seen.wrong[label].items():
-            _require(not doubt[: len(places)].any(), label, complaint)
-        same = jnp.allclose(alone, seen.rows[label][0], rtol=TOLERANCE, atol=1e-12)
-        _require(same, label, "its forces under vmap differ from those of one lane")
-        rows, slopes = (jnp.split(of[label], ends) for of in (seen.rows, seen.slopes))
-        _require_right_slopes(label, numbers, rows, slopes)
+    results = evaluate(*(jnp.concatenate(parts) for parts in zip(*requests, strict=True)))
+    ends = np.cumsum([len(part) for part, _ in requests])[:-1]
+    for label, single in _rows(_contacts(joint, motions)).items():
+        for message, failed in results.failures[label].items():
+            _require(not failed[: len(positions)].any(), label, message)
+        same = jnp.allclose(single, results.rows[label][0], rtol=TOLERANCE, atol=1e-12)
+        _require(same, label, "its forces under vmap differ from a single evaluation")
+        rows, slopes = (jnp.split(of[label], ends) for of in (results.rows, results.slopes))
+        _check_slopes(label, numbers, rows, slopes)
 
 
-def _require_right_slopes(
+def _check_slopes(
     label: str, numbers: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
 ) -> None:
-    """Check that derivatives along everything are finite, and those of the penetration by each of
-    the joint's numbers what a step ahead and one behind give; in the order in which was asked."""
+    """Check that derivatives are finite, and agree with differences for each parameter.
+
+    `rows` and `slopes` are in the order of the requests.
+    """
     _, everything, exact, _, _ = slopes
     finite = jnp.isfinite(everything).all()
     _require(finite, label, "a derivative of its forces is not finite everywhere")
     _, _, _, larger, smaller = rows
-    numeric = (larger - smaller)[:, 0] / (2.0 * STEP)
-    _require_slopes_by_numbers(label, numbers, exact[:, 0], numeric)
+    exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
+    paths = jax.tree_util.tree_leaves_with_path(numbers)
+    names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
+    allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
+    for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
+        message = f"the derivative of its penetration by `{name}` does not agree with differences"
+        _require(~wrong, label, message)
 
 
-def _require(condition: Condition, label: str, complaint: str) -> None:
-    if not bool(condition):
-        raise AssertionError(f"Contact {label!r}: {complaint}.")
+def _require(condition: Condition, label: str, message: str) -> None:
+    ensure(condition, f"Contact {label!r}: {message}.")
 
 
-def _require_alike_names(joint: AbstractContactJoint, motions: Motions) -> None:
+def _check_names(joint: AbstractContactJoint, motions: Motions) -> None:
     laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
-    if laws != contacts:
-        raise AssertionError(f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
+    ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
 
 
-def _places(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """The motions given, and those that are looked at beside."""
+def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
+    """Return the given motions, with the body also moved to contacts, and all of them at rest."""
     moving, scalar = [motions], unpack(joint)
     for contact in scalar.contacts(motions).values():
-        for depth in (0.0, PRESSED):
+        for depth in (0.0, PENETRATION):
             moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
     points = {body: point for _, body, point in scalar.attachments()}
     first, second = joint.pair()
@@ -144,14 +159,14 @@ def _places(joint: AbstractContactJoint, motions: Motions, together: bool) -> li
         apart = motions[second].point(points[second]) - motions[first].point(points[first])
         moving.append(_shifted(joint, motions, -apart))
     resting = [
-        {name: replace(motion, velocity=ZERO, spin=ZERO) for name, motion in place.items()}
-        for place in moving
+        {name: replace(motion, velocity=ZERO, spin=ZERO) for name, motion in position.items()}
+        for position in moving
     ]
     return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), p) for p in moving + resting]
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:
-    """The motions with the second body shifted against the first, m, global."""
+    """Return the motions with the second body shifted relative to the first, m, global."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
     moved = replace(motions[name], position=motions[name].position + shift)
@@ -159,128 +174,116 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """The contacts with their forces and energies, J, of a joint whose numbers are arrays."""
+    """Return the contacts with forces and energies of a joint whose numbers are arrays."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
         bristles[label] = Vector(0.5 * bristle_law.full_deflection(), 0.0, 0.0)
-    found = {}
+    loaded_contacts = {}
     for label, law in joint.laws().items():
-        contact, entry_speed = contacts[label], ENTRY_SPEED if law.has_memory else None
+        contact, entry_speed = contacts[label], ENTRY_SPEED if law.uses_entry_speed else None
         loaded = contact_force(joint, label, law, contact, entry_speed, None, motions, bristles)
-        found[label] = loaded, law.stored_energy(contact.gap)
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), found)
+        loaded_contacts[label] = loaded, law.stored_energy(contact.gap)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), loaded_contacts)
 
 
-def _wrong(
-    joint: AbstractContactJoint, motions: Motions, found: Contacts, rates: Contacts
+def _failures(
+    joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """What may be wrong with each contact, and whether it is; `rates` are the contacts' along the
-    motions."""
+    """Return for each contact whether conditions fail, by message; `rates` are time derivatives."""
     first, second = (motions[name] for name in joint.pair())
-    has_bristles, wrong = joint.bristle_laws(), {}
-    for label, (loaded, _) in found.items():
-        growing, power = rates[label]
-        wrong[label] = _wrong_gap(loaded, growing.contact.gap.depth, power)
-        wrong[label] |= _wrong_forces(loaded, first, second)
+    has_bristles, failures = joint.bristle_laws(), {}
+    for label, (loaded, _) in contacts.items():
+        rate, power = rates[label]
+        failures[label] = _gap_failures(loaded, rate.contact.gap.depth, power)
+        failures[label] |= _force_failures(loaded, first, second)
         if loaded.friction is not None and loaded.contact.slip is not None:
-            wrong[label] |= _wrong_slip(loaded.contact, loaded.contact.slip, first, second)
+            failures[label] |= _slip_failures(loaded.contact, loaded.contact.slip, first, second)
             if label not in has_bristles:
                 power = loaded.friction.dot(loaded.contact.slip)
-                wrong[label]["friction drives the slip"] = power > TOLERANCE * loaded.normal_force
-    return wrong
+                driven = power > TOLERANCE * loaded.normal_force
+                failures[label]["friction drives the slip"] = driven
+    return failures
 
 
-def _wrong_gap(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
-    """Of a contact whose penetration grows at a rate, m/s, and its energy at a power, W."""
+def _gap_failures(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
+    """Check a contact whose depth has the rate `rate`, m/s, and its energy the rate `power`, W."""
     gap, normal = loaded.contact.gap, loaded.contact.normal
     size = normal.dot(normal)
     flies_centred = (size == 0.0) & (gap.depth < 0.0)
     return {
-        "its normal is no unit vector": ~flies_centred & _differ(size, 1.0),
-        "its penetration does not grow at the rate it tells": _differ(rate, gap.rate),
-        "its stored energy does not grow by the work of the elastic force": _differ(
+        "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
+        "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
+        "the rate of its stored energy is not the power of the elastic force": _differ(
             power, loaded.elastic_force * gap.rate
         ),
     }
 
 
-def _wrong_couples(
+def _couple_failures(
     contact: Contact, turning: tuple[Vector, Vector], first: Motion, second: Motion
 ) -> Rows:
     on_first, on_second = turning
     power = on_first.dot(first.spin) + on_second.dot(second.spin)
     return {
         "the couples on both bodies are not equal and opposite": (
-            _vanishes_not(first.direction(on_first) + second.direction(on_second))
+            _is_nonzero(first.direction(on_first) + second.direction(on_second))
         ),
-        "the couples do another work than the rate of the penetration tells": (
+        "the power of the couples does not agree with the rate of the penetration": (
             _differ(power, contact.gap.rate)
         ),
     }
 
 
-def _wrong_forces(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
+def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
     contact, friction = loaded.contact, loaded.friction
     if contact.turning is not None:
-        return _wrong_couples(contact, contact.turning, first, second)
-    here, there = contact.points_of_force(friction is not None)
-    apart = second.point(there) - first.point(here)
-    moving = second.velocity_at(there) - first.velocity_at(here)
+        return _couple_failures(contact, contact.turning, first, second)
+    on_first, on_second = contact.points_of_force(friction is not None)
+    apart = second.point(on_second) - first.point(on_first)
+    velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
     force = loaded.normal_force
-    wrong = {
+    failures = {
         "the forces on both bodies leave a moment: they do not act on one line": (
-            _vanishes_not(apart.cross(contact.normal))
+            _is_nonzero(apart.cross(contact.normal))
         ),
-        "the normal force does another work than the rate of the penetration tells": (
-            _differ(moving.dot(contact.normal), contact.gap.rate)
+        "the power of the normal force does not agree with the rate of the penetration": (
+            _differ(velocity.dot(contact.normal), contact.gap.rate)
         ),
     }
     if friction is None:
-        return wrong
-    return wrong | {
+        return failures
+    return failures | {
         "friction on both bodies leaves a moment: it does not act at one point": (
-            _vanishes_not(apart.cross(friction), force)
+            _is_nonzero(apart.cross(friction), force)
         ),
-        "friction has a part along the normal": (
+        "friction has a component along the normal": (
             _differ(friction.dot(contact.normal), 0.0, TOLERANCE * (1.0 + force))
         ),
     }
 
 
-def _wrong_slip(contact: Contact, slip: Vector, first: Motion, second: Motion) -> Rows:
-    moving = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
-    sliding = moving - contact.normal * moving.dot(contact.normal)
-    return {
-        "its slip is not the tangential velocity of the surfaces": _vanishes_not(slip - sliding)
-    }
+def _slip_failures(contact: Contact, slip: Vector, first: Motion, second: Motion) -> Rows:
+    velocity = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
+    sliding = velocity - contact.normal * velocity.dot(contact.normal)
+    return {"its slip is not the tangential velocity of the surfaces": _is_nonzero(slip - sliding)}
 
 
-def _changes_of_numbers(numbers: AbstractContactJoint, here: jax.Array) -> jax.Array:
-    """A change of each of the joint's numbers, of its size, in rows as long as what is looked at,
-    of which they come first."""
+def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.Array:
+    """Return a change of each parameter of the joint, of its magnitude, as rows like `point`.
+
+    The parameters are the first elements of a point.
+    """
     leaves = jax.tree.leaves(numbers)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
-    return jnp.eye(len(sizes), len(here)) * sizes[:, None]
+    return jnp.eye(len(sizes), len(point)) * sizes[:, None]
 
 
-def _require_slopes_by_numbers(
-    label: str, numbers: AbstractContactJoint, exact: jax.Array, numeric: jax.Array
-) -> None:
-    """Check the derivatives of the penetration by each of the joint's numbers."""
-    paths = jax.tree_util.tree_leaves_with_path(numbers)
-    names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
-    for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
-        told = f"the derivative of its penetration by `{name}` is not what differences give"
-        _require(~wrong, label, told)
-
-
-def _rows(found: Contacts) -> Rows:
-    """Of each contact: its penetration, m; forces, N; its normal, and its points, m."""
+def _rows(contacts: Contacts) -> Rows:
+    """Return for each contact penetration, m, forces, N, normal, and points, m, as an array."""
     rows = {}
-    for label, (loaded, _) in found.items():
+    for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
         contact = loaded.contact
         parts = [contact.gap.depth, loaded.normal_force, loaded.elastic_force]
@@ -291,25 +294,25 @@ def _rows(found: Contacts) -> Rows:
 
 
 def _velocities(motions: Motions) -> Motions:
-    """The rates of positions and rotations at constant velocities and spins."""
+    """Return the time derivatives of the motions at constant velocities and spins."""
     return {
-        name: Motion(motion.velocity, _turning(motion), motion.velocity * 0.0, motion.spin * 0.0)
+        name: Motion(motion.velocity, _rates(motion), motion.velocity * 0.0, motion.spin * 0.0)
         for name, motion in motions.items()
     }
 
 
-def _turning(motion: Motion) -> Matrix:
-    """A' = A ~spin."""
+def _rates(motion: Motion) -> Matrix:
+    """Return the rate of the rotation matrix, A' = A ~spin."""
     rotation, spin = motion.rotation, motion.spin
     return Matrix(*(row.cross(spin) for row in (rotation.row_x, rotation.row_y, rotation.row_z)))
 
 
 def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.Array:
-    """Whether two numbers differ by more than is allowed of them; no number differs from all."""
+    """Return whether two numbers differ by more than the relative tolerance, or are not finite."""
     return ~(jnp.abs(first - second) <= allowed * (1.0 + jnp.abs(second)))
 
 
-def _vanishes_not(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Whether a vector, made of some of a size, differs from zero."""
+def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
+    """Return whether a vector, a sum of terms of a size, differs from zero."""
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

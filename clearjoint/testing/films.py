@@ -1,4 +1,4 @@
-"""The conformance check for films of one's own."""
+"""Conformance check of user-defined films."""
 
 from collections.abc import Callable, Iterator
 
@@ -15,15 +15,16 @@ from .continuity import jumps
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
 SPEEDS = (0.0, 1e-6, 1.0, 300.0)
 ANGLES = tuple(np.arange(12) * np.pi / 6.0)
-"""Of the rate against the offset, rad."""
+"""Angles between rate and offset, rad."""
 SMOOTH = ((0.4, 0.0, 3.0, -7.0), (0.7, 0.0, -2.0, 5.0))
-"""Offsets and rates without anything special."""
+"""Offsets and rates at which films are smooth."""
 STEP = 1e-6
-"""Of a difference, as a part of the number."""
+"""Step of finite differences, relative to the number."""
 TOLERANCE = 1e-5
-"""Of a derivative, as a part of the largest of its row."""
+"""Tolerance of a derivative, relative to the largest of its row."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
-"""(2,) N of a film, by offset and rate, (4,): the components of each along x and y."""
+"""Function that returns the force of a film, (2,) N, for the components of offset and rate,
+(4,)."""
 
 
 def check_film(
@@ -32,21 +33,26 @@ def check_film(
     clearance: float = 50e-6,
     length: float = 25e-3,
 ) -> None:
-    """Check a film: that it takes power and gives none, has no force without motion, that force and
-    derivatives are finite without offset and without motion, by its numbers too, that they are
-    those of differences elsewhere, that the force turns with the journal and does not jump, and
-    that vmap gives what one lane does.
+    """Check that a film law is consistent.
 
-    **Arguments:** `bearing_radius`, radial `clearance` and `length`, m.
+    - The film dissipates energy, and exerts no force without motion.
+    - Force and derivatives, including those by the film's parameters, are finite at zero offset and
+      zero rate. Elsewhere the derivatives agree with finite differences.
+    - The force rotates with offset and rate, and doesn't jump.
+    - `jax.vmap` gives the same result as a single evaluation.
 
-    >>> testing.check_film(cj.CaponeFilm(0.02))
+    **Arguments:** `film`: the law. `bearing_radius`, radial `clearance` and `length`: m.
+
+    **Raises:** `AssertionError` with the first problem.
+
+    >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
     for complaint in complaints_of_film(film, bearing_radius, clearance, length):
         raise AssertionError(complaint)
 
 
 def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """What is wrong with a film in a bearing of such a radius, clearance and length, m."""
+    """Yield the problems of a film; `sizes` are bearing radius, clearance and length, m."""
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
@@ -61,7 +67,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
-    """A function of a film and a state, compiled for rows of states."""
+    """Return a compiled function of a film and rows of states from a function of one state."""
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
@@ -74,27 +80,27 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     power = (forces * rates).sum(axis=1)
     size = jnp.linalg.norm(forces, axis=1)
     if (power > 1e-9 * size * jnp.linalg.norm(rates, axis=1)).any():
-        yield "The film gives power: force . rate > 0."
+        yield "The film supplies power: force . rate > 0."
     moves = (rates != 0.0).any(axis=1)
     if (size[~moves] != 0.0).any():
         yield "There is a force without motion."
-    one = jnp.stack([force_at(film, state) for state in states[::50]])
-    if not jnp.allclose(one, forces[::50]):
-        yield "The force under vmap is not that of one lane."
-    turned = forces_at(film, _turned(states))
-    if (jnp.abs(turned - _turned(forces)) > 1e-9 * size[:, None]).any():
-        yield "The force does not turn with offset and rate."
+    single = jnp.stack([force_at(film, state) for state in states[::50]])
+    if not jnp.allclose(single, forces[::50]):
+        yield "The force under vmap differs from a single evaluation."
+    rotated = forces_at(film, _rotated(states))
+    if (jnp.abs(rotated - _rotated(forces)) > 1e-9 * size[:, None]).any():
+        yield "The force does not rotate with offset and rate."
 
 
 def _states() -> jax.Array:
-    """Offsets and rates, (N, 4), of all ratios, speeds and angles between them."""
+    """Return offsets and rates, (N, 4), for all ratios, speeds and angles between them."""
     ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
     columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
-    return _turned(jnp.asarray(np.stack(columns, axis=1)), 0.3)
+    return _rotated(jnp.asarray(np.stack(columns, axis=1)), 0.3)
 
 
-def _turned(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Pairs of components, (N, 2) or (N, 4), turned about the axis by an angle in rad."""
+def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
+    """Return pairs of components, (N, 2) or (N, 4), rotated about the axis by an angle in rad."""
     c, s = np.cos(angle), np.sin(angle)
     pairs = rows.reshape(len(rows), -1, 2)
     return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
@@ -111,34 +117,34 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
-    states, smooth = _states(), _turned(jnp.asarray(SMOOTH), 0.3)
+    states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
     if not jnp.isfinite(slopes_at(film, states)).all():
         yield "The derivative by offset or rate is not finite everywhere."
     by_film = _at_all(eqx.filter_jacfwd(force))(film, states)
     if not all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(by_film)):
-        yield "The derivative by a number of the film is not finite everywhere."
+        yield "The derivative by a parameter of the film is not finite everywhere."
     for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
         steps = STEP * state
         ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
         error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
         if (error > TOLERANCE * jnp.abs(exact).max(axis=0)).any():
-            yield "The derivative by offset or rate is not that of the force."
+            yield "The derivative by offset or rate does not agree with finite differences."
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Of the force along the offset, while the rate's direction goes once around."""
+    """Yield jumps of the force along the offset during a full rotation of the rate's direction."""
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:
         columns = ratios, jnp.zeros_like(angle), jnp.cos(angle), jnp.sin(angle)
         return forces_at(film, jnp.stack(columns, axis=1))[:, 0]
 
-    sizes, places = jumps(along, jnp.zeros_like(ratios), jnp.full_like(ratios, 2.0 * np.pi))
+    sizes, angles = jumps(along, jnp.zeros_like(ratios), jnp.full_like(ratios, 2.0 * np.pi))
     k = int(jnp.argmax(jnp.abs(sizes)))
     if sizes[k] != 0.0:
         yield (
             f"The force jumps by {sizes[k]:.3g} N with the direction of the rate, at "
-            f"{places[k]:.3g} rad from the offset and an eccentricity ratio of {ratios[k]:.3g}: "
+            f"{angles[k]:.3g} rad from the offset and an eccentricity ratio of {ratios[k]:.3g}: "
             "smooth it."
         )

@@ -1,4 +1,4 @@
-"""The conformance check of force elements."""
+"""Conformance check of user-defined force elements."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,28 +8,36 @@ import jax
 import jax.numpy as jnp
 
 from ..fields.conversion import on_device
-from ..math.vectors import Condition, Scalar, Vector, pack, unpack
+from ..math.vectors import Scalar, Vector, pack, unpack
 from ..model.bodies import Motion, Wrench
 from ..model.joints.base import AbstractForce
+from .conformance import ensure
 from .moving_bodies import moved
 
 STEP = 1e-5
-"""Of the central differences, s."""
+"""Step of the central differences, s."""
 Wrenches = dict[str, Wrench]
 
 
 def check_force(
     force: AbstractForce, motions: Mapping[str, Motion], time: float = 0.0, tolerance: float = 1e-6
 ) -> None:
-    """Check a force element at given motions: that forces between bodies are equal and opposite,
-    that the power it takes from the bodies and from outside is the rate of its stored energy, that
-    the derivatives by motions and by its numbers are finite, at rest too, and that vmap gives what
-    one lane does.
+    """Check that a force element is consistent at given motions.
 
-    Between a body and the ground forces are compared if the ground's, which is never used, is told.
+    - Forces between bodies are equal and opposite. A force on the ground is compared if the element
+      returns one, although runs ignore it.
+    - The power supplied by the bodies and from outside is the rate of the stored energy.
+    - Derivatives by motions and parameters are finite, even at rest.
+    - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `motions` of the element's bodies; moving and turning ones test most. `time`: s,
-    not at one of its breakpoints.
+    **Arguments:**
+
+    - `force`: the element.
+    - `motions`: of its bodies; translating and rotating bodies make the strictest test.
+    - `time`: s, not a breakpoint of the element.
+    - `tolerance`: relative.
+
+    **Raises:** `AssertionError` with the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
@@ -40,9 +48,9 @@ def check_force(
     """
     motions = {name: _as_arrays(motions[name]) for name in force.body_names()}
     wrenches = _wrenches(force, motions, time)
-    _require(wrenches.keys() <= motions.keys(), "There is a wrench on a body that is not named.")
+    ensure(wrenches.keys() <= motions.keys(), "There is a wrench on a body not in body_names().")
     for leaf in jax.tree.leaves(wrenches):
-        _require(jnp.isfinite(leaf), "The force is not finite.")
+        ensure(jnp.isfinite(leaf), "The force is not finite.")
     if len(motions) > 1 and wrenches.keys() == motions.keys():
         _check_balance(wrenches, motions, tolerance)
     _check_power(force, motions, time, tolerance)
@@ -50,18 +58,12 @@ def check_force(
     _check_lanes(force, motions, time)
 
 
-def _require(condition: Condition, message: str) -> None:
-    if not bool(jnp.all(condition)):
-        raise AssertionError(message)
-
-
 def _as_arrays(motion: Motion) -> Motion:
     return jax.tree.map(on_device, motion)
 
 
 def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar) -> Wrenches:
-    found = unpack(force).wrenches(motions, on_device(time))
-    return jax.tree.map(on_device, found)
+    return jax.tree.map(on_device, unpack(force).wrenches(motions, on_device(time)))
 
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
@@ -74,9 +76,9 @@ def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance:
     for parts, lever, unit in ((forces, 0.0, "N"), (moments, max(levers), "N m")):
         left = _size(sum(parts[1:], parts[0]))
         scale = lever * max(_size(force) for force in forces)
-        _require(
+        ensure(
             left <= tolerance * max(scale, *(_size(part) for part in parts)),
-            f"The force is not equal and opposite: {left:.3g} {unit} are left over.",
+            f"The force is not equal and opposite: the sum is {left:.3g} {unit}.",
         )
 
 
@@ -97,10 +99,10 @@ def _check_power(
     power = sum(float(motions[name].power(wrench)) for name, wrench in wrenches.items())
     supplied = float(element.supplied_power(motions, on_device(time)))
     left = supplied - power - rate
-    _require(
+    ensure(
         abs(left) < tolerance * (1.0 + abs(power) + abs(supplied)),
-        f"The energy does not balance: {left:.3g} W are supplied that neither drive the bodies nor "
-        "are stored.",
+        f"The energy does not balance: {left:.3g} W of the supplied power are neither stored nor "
+        "transferred to the bodies.",
     )
 
 
@@ -111,10 +113,10 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
         return _wrenches(eqx.combine(numbers, rest), motions, time)
 
     for given in (motions, {name: _at_rest(motion) for name, motion in motions.items()}):
-        place = numbers, given
-        slopes = jax.jvp(wrenches, place, jax.tree.map(jnp.ones_like, place))[1]
+        point = numbers, given
+        slopes = jax.jvp(wrenches, point, jax.tree.map(jnp.ones_like, point))[1]
         for slope in jax.tree.leaves(slopes):
-            _require(jnp.isfinite(slope), "A derivative of the force is not finite.")
+            ensure(jnp.isfinite(slope), "A derivative of the force is not finite.")
 
 
 def _at_rest(motion: Motion) -> Motion:
@@ -128,4 +130,5 @@ def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: floa
     single = [_wrenches(force, lane, time) for lane in lanes]
     expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *single)
     same = jax.tree.map(lambda a, b: jnp.allclose(a, b, rtol=1e-9, atol=1e-9), together, expected)
-    _require(all(jax.tree.leaves(same)), "The force under vmap differs from that of one lane.")
+    message = "The force under vmap differs from a single evaluation."
+    ensure(all(jax.tree.leaves(same)), message)

@@ -1,11 +1,11 @@
-"""Bodies in motion from plain numbers, and where they are a short time later."""
+"""Motions of bodies from plain numbers, and after a short time."""
 
 from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 
 from ..math.rotations import normalised, rotation_matrix
-from ..math.vectors import EulerParameters, Matrix, Vector
+from ..math.vectors import EulerParameters, Vector
 from ..model.bodies import Motion
 
 
@@ -15,10 +15,13 @@ def moving(
     velocity: Sequence[float],
     spin: Sequence[float],
 ) -> Motion:
-    """A motion from plain numbers, for `check_constraint` and `check_force`.
+    """Return a motion from plain numbers, for `check_constraint` and `check_force`.
 
-    **Arguments:** `position` (3,) m and `velocity` (3,) m/s of the centre of mass, global;
-    `orientation`: (4,) Euler parameters, which are normalised; `spin`: (3,) rad/s, body axes.
+    **Arguments:**
+
+    - `position`, `velocity`: of the centre of mass, (3,) m and m/s, global.
+    - `orientation`: (4,) Euler parameters, which are normalised.
+    - `spin`: (3,) rad/s, body axes.
 
     >>> arm = testing.moving((0.5, 0, 0), (1, 0, 0, 0), velocity=(0, 1, 0), spin=(0, 0, 2))
     >>> arm.spin.z
@@ -29,11 +32,11 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """The motions a short time later, at constant velocities and body spins."""
+    """Return the motions a short time later, s, at constant velocities and body spins."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,
-            _turned(motion, motion.spin * time),
+            motion.rotation @ rotation_matrix(_exponential(motion.spin * time)),
             motion.velocity,
             motion.spin,
         )
@@ -41,12 +44,8 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
     }
 
 
-def _turned(motion: Motion, angle: Vector) -> Matrix:
-    return motion.rotation @ rotation_matrix(_exponential(angle))
-
-
 def _exponential(angle: Vector) -> EulerParameters:
-    """Euler parameters of a rotation vector."""
+    """Return the Euler parameters of a rotation vector."""
     size = jnp.sqrt(angle.dot(angle)) + 1e-300
     scale = jnp.sin(0.5 * size) / size
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

@@ -1,6 +1,6 @@
-"""Pictures of a mechanism in space: before a run, and moving after it.
+"""Three-dimensional views of a mechanism: of a state, or animated along a run.
 
-`viewing.py` has `view`, which users call. Its elements say what they look like with a pen
-(`model/pen.py`); `sketching.py` makes solids of that, `page.py` a page for the browser, and
-`filming.py` an animation.
+Users call `view` of `viewing.py`. Joints and forces describe their shape to a pen
+(`model/pen.py`); `sketching.py` makes solids, `page.py` a page for the browser, and `filming.py`
+pictures and animations.
 """

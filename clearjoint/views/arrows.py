@@ -1,23 +1,23 @@
-"""Forces as arrows, and the modes of journals as colours."""
+"""Arrows of forces, and colours of journals by their contact."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..simulation.observe import MotionMode, Observation
+from ..simulation.results.observe import MotionMode, Observation
 from . import meshes
-from .meshes import pose_at
-from .parts import FORCE, LOAD, DrawnPart, between, recoloured
+from .parts import FORCE, LOAD, DrawnPart, between
 from .sketching import SketchingPen
 
 LONGEST = 0.3
-"""Length of the longest arrow over the size of the mechanism."""
+"""Length of the longest arrow relative to the size of the mechanism."""
 USUAL, FAR = 0.5, 5.0
-"""Share of the forces that are no greater than the usual one; and how many times as great the
-greatest may be for lengths to be proportional to forces."""
+"""Quantile that defines the usual force, and the largest ratio of the greatest force to it with
+lengths proportional to forces."""
 WIDTH = 1.1
-"""Radius of an arrow's head over that of a bar."""
+"""Radius of an arrow's head relative to that of a bar."""
 MODE_NAMES = {
     MotionMode.FREE_FLIGHT: "free flight",
     MotionMode.ONE_BASE: "contact at one end",
@@ -27,9 +27,13 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """`parts`, the `scale` that makes a length of the `largest` force, m/N, and the force, N, from
-    which on arrows grow no longer, or ``None`` if no force is as great. Lengths grow as the square
-    `root` of forces, or as the forces."""
+    """Arrows of a view.
+
+    - `parts`: the solids.
+    - `scale`: length of the arrow of the `largest` force divided by that force, m/N.
+    - `cut`: force, N, above which arrows have the same length; ``None`` if no force is as large.
+    - `root`: whether lengths are proportional to the square root of forces.
+    """
 
     parts: list[DrawnPart]
     scale: float
@@ -45,16 +49,16 @@ def arrows(
     bar: float,
     scale: float | None,
 ) -> Arrows:
-    """Arrows of all contact forces on the second bodies, their tips where these are touched, and of
-    constant loads, their ends where these act.
+    """Return arrows of the contact forces on second bodies, with tips at the contact points, and of
+    constant loads, which start at the point of application.
 
-    Unless a scale is given, the longest arrow is that of the greatest force. Where this is far
-    above the usual one, such as an impact in a motion that follows the wall, lengths grow as the
-    square root of forces, so that both are seen.
+    By default the largest force has the longest arrow. If it is far above the usual forces, such as
+    an impact in a motion that follows the wall, lengths are proportional to the square root of
+    forces, so that both are visible.
     """
-    pushes = {} if observation is None else _contact_forces(pen, observation)
-    everything = [force for _, force in (*pushes.values(), *pen.loads.values())]
-    sizes = np.concatenate([np.linalg.norm(f, axis=1) for f in everything] or [np.zeros(1)])
+    contact_forces = {} if observation is None else _contact_forces(pen, observation)
+    all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
+    sizes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
     acting = sizes[sizes > 0.0]
     largest, longest = float(sizes.max()), LONGEST * size
     root = False
@@ -64,7 +68,7 @@ def arrows(
     longest *= 1.0 + 1e-9
     cut = longest / scale if bool((sizes * scale > longest).any()) else None
     parts = []
-    for family, colour, at_tip in ((pushes, FORCE, True), (pen.loads, LOAD, False)):
+    for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
             if np.any(forces):
                 if root:
@@ -72,17 +76,21 @@ def arrows(
                     forces = forces / np.sqrt(np.maximum(shares, 1e-30))
                 vectors = _shortened(forces * scale, longest)
                 starts = points - vectors if at_tip else points
-                spanned = between(starts, starts + vectors, WIDTH * bar)
-                parts.append(DrawnPart(name, meshes.arrow(), _hidden_where_none(spanned), colour))
+                poses = between(starts, starts + vectors, WIDTH * bar)
+                # Arrows without length shrink to a point.
+                hidden = np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9
+                poses = poses.copy()
+                poses[hidden, :3, :3] = 1e-9 * np.eye(3)
+                parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
     return Arrows(parts, scale, cut, largest, root)
 
 
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Points (N, 3) m and forces (N, 3) N of each contact that is anywhere: the couples of flanks,
-    which have no place, are left out."""
-    found = {}
+    """Points (N, 3) m and forces (N, 3) N of each contact with a point; contacts of flanks, which
+    transmit a couple, have none."""
+    result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:
             continue
@@ -95,28 +103,27 @@ def _contact_forces(
             if joint in pen.journals:
                 touching = pen.journals[joint].touching_point(label, normal)
                 point = point if touching is None else touching
-            found[f"{joint} {label}"] = point, np.nan_to_num(force)
-    return found
+            result[f"{joint} {label}"] = point, np.nan_to_num(force)
+    return result
 
 
 def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
-    """The parts, those of journals and balls with play in the colours of their modes; and which
-    modes there are."""
+    """Return the parts, with journals and balls coloured by modes, and the occurring modes."""
     modes = _modes(observation)
-    found: set[int] = set()
-    shown = []
+    occurring: set[int] = set()
+    coloured = []
     for part in parts:
         if part.name in modes and part.is_journal:
-            found |= set(np.unique(modes[part.name]).tolist())
-            part = recoloured(part, modes[part.name])
-        shown.append(part)
-    return shown, [MotionMode(number) for number in sorted(found)]
+            occurring |= set(np.unique(modes[part.name]).tolist())
+            part = replace(part, modes=modes[part.name])
+        coloured.append(part)
+    return coloured, [MotionMode(number) for number in sorted(occurring)]
 
 
 def _modes(observation: Observation) -> Mapping[str, np.ndarray]:
-    """Of the journals as observed; of other contacts, whether one of the joint's touches."""
+    """Observed modes of journals; for other joints, 1 if one of their contacts touches, else 0."""
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     for name, family in observation.contacts.items():
         if name not in modes and family:
@@ -128,12 +135,3 @@ def _modes(observation: Observation) -> Mapping[str, np.ndarray]:
 def _shortened(vectors: np.ndarray, longest: float) -> np.ndarray:
     sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors * np.minimum(1.0, longest / np.maximum(sizes, 1e-300))
-
-
-def _hidden_where_none(poses: np.ndarray) -> np.ndarray:
-    """The poses, shrunk to a point where they have no length."""
-    length = np.linalg.norm(poses[:, :3, 2], axis=1)
-    small = pose_at((0.0, 0.0, 0.0))[:3, :3] * 1e-9
-    hidden = poses.copy()
-    hidden[length < 1e-9, :3, :3] = small
-    return hidden

@@ -1,4 +1,4 @@
-"""Still pictures and animations by matplotlib, for reports and talks."""
+"""Pictures and animations of a view by matplotlib."""
 
 import shutil
 from collections.abc import Sequence
@@ -15,29 +15,29 @@ from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from ..fields.drawn_text import literal, shown
-from .camera import WIDE, Camera, in_perspective
 from .meshes import Mesh, needed
 from .page import Legend
 from .parts import DrawnPart
+from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])
-"""Direction of the light: to the right, upwards, towards the viewer."""
+"""Direction of the light: components to the right, upwards and to the viewer."""
 SHADE = 0.45
-"""Brightness of what the light does not reach."""
-BESIDE = 0.28
-"""Share of the width that the legend takes."""
+"""Brightness of surfaces in the shade."""
+LEGEND_WIDTH = 0.28
+"""Width of the legend relative to that of the figure."""
 LONGEST_EDGE = 0.3
-"""Of a triangle, over half the height of the picture."""
+"""Longest edge of a triangle relative to half the height of the picture."""
 TITLE = 24
 """Characters in a line of the title."""
-DOTS = 100
+DPI = 100
 FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A figure of parts seen by a camera, which shows one instant after the other.
+    """A figure of parts seen by a camera, which can show each instant.
 
-    Triangles are drawn from the farthest to the nearest one, those that face away left out.
+    Triangles are drawn from the farthest to the nearest; those that face away are omitted.
     """
 
     def __init__(
@@ -52,25 +52,27 @@ class Film:
         self._parts = [_divided(part, LONGEST_EDGE * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
-        self.figure = Figure(figsize=size, dpi=DOTS)
-        self._axes = self.figure.add_axes((BESIDE, 0.0, 1.0 - BESIDE, 1.0))
+        self.figure = Figure(figsize=size, dpi=DPI)
+        self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
         self._axes.set(xlim=(-wide, wide), ylim=(-high, high), aspect="equal")
         self._triangles = PolyCollection([], linewidths=0.3)
         self._axes.add_collection(self._triangles)
-        self._clock = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
+        self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         self._describe(legend)
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Show an instant by its number."""
+        """Draw the parts, and the time, at the instant with the index k."""
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
             triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             sizes = np.linalg.norm(normals, axis=1)
+            # In these axes the camera is at (0, 0, distance). Triangles without area or seen from
+            # behind are left out.
             towards = (0.0, 0.0, self._distance) - triangles[:, 0]
             facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
             normals = normals[facing] / sizes[facing, None]
@@ -81,36 +83,44 @@ class Film:
             )
             corners.append(triangles[facing])
         everything, painted = np.concatenate(corners), np.concatenate(colours)
-        order = np.argsort(everything[:, :, 2].mean(axis=1))
+        order = np.argsort(everything[:, :, 2].mean(axis=1))  # the farthest first
         self._triangles.set_verts([*in_perspective(everything[order], self._distance)])
         self._triangles.set_facecolor([*painted[order]])
+        # Edges in the colour of the face close gaps between opaque triangles. Edges of transparent
+        # ones are invisible, because they would overlap and show as lines.
         seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
         self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
         if self._times is not None:
-            self._clock.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
+            self._time_text.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write a GIF or an MP4 of some instants, or a picture of the first one.
+        """Write an animation if the file is a GIF or an MP4, otherwise a still picture.
 
-        **Raises:** `ValueError` for an MP4 where there is no ffmpeg.
+        **Arguments:** `file`: the path, whose suffix selects the format; `frames`: indices of the
+        instants to show. A picture shows the first of them.
+
+        **Raises:** `ValueError` for an MP4 without ffmpeg.
         """
         if file.suffix.lower() not in (".gif", ".mp4"):
             self.show(frames[0])
-            self.figure.savefig(file, dpi=2 * DOTS)
+            # A picture has twice the resolution of an animation.
+            self.figure.savefig(file, dpi=2 * DPI)
             return
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
-            found = shutil.which("ffmpeg") is not None
-            remedy = 'install ffmpeg, or save an animation that needs none: "....gif"'
-            require(found, "file", str(file), "an animation that can be written here", remedy)
+            has_ffmpeg = shutil.which("ffmpeg") is not None
+            remedy = "install ffmpeg, or save a GIF, which does not need it"
+            require(has_ffmpeg, "file", str(file), "a GIF, since ffmpeg is missing", remedy)
             writer = FFMpegWriter(FRAMES_PER_SECOND)
 
         def draw(k: int) -> list[PolyCollection]:
             self.show(k)
-            return [self._triangles]
+            return [self._triangles]  # matplotlib expects the artists that have changed
 
+        # `init_func` does nothing (`list()` is empty). Without it, matplotlib would draw the first
+        # frame an additional time.
         animation = FuncAnimation(self.figure, draw, frames=frames, init_func=list)
-        animation.save(file, writer=writer, dpi=DOTS)
+        animation.save(file, writer=writer, dpi=DPI)
 
     def _describe(self, legend: Legend) -> None:
         patches = [
@@ -130,11 +140,11 @@ class Film:
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """The part with edges no longer than so many m, so that its triangles can be told apart in
-    depth; as it is if its pose stretches it."""
-    still = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
+    """The part with edges of at most `longest` m, so that its triangles can be sorted by depth; the
+    part itself if its pose stretches it."""
+    is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
-    if not still or np.linalg.norm(edges, axis=2).max() <= longest:
+    if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
         return part
     remesh = needed("trimesh").remesh
     vertices, faces = remesh.subdivide_to_size(*part.mesh, max_edge=longest)

@@ -1,4 +1,4 @@
-"""Closed surfaces of triangles, made by trimesh and kept as plain arrays."""
+"""Closed triangle meshes as arrays; trimesh makes most of them."""
 
 import importlib
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ from ..fields.checks import require
 from ..fields.types import ArrayLike
 
 ROUND = 32
-"""Sides of what is round."""
+"""Number of sides of round shapes."""
 TOOTH = np.array([-0.36, -0.16, 0.16, 0.36])
-"""Where a tooth rises from its root, has its tip, and is back, in pitches from its middle; on the
-pitch circle it is half a pitch wide."""
+"""Angles of a tooth's two root and two tip corners from its middle, in pitches; on the pitch circle
+the tooth is half a pitch wide."""
 
 
 class Mesh(NamedTuple):
-    """`vertices`, (V, 3) m, and `faces`, (F, 3): the vertices of each triangle, counter-clockwise
-    from outside."""
+    """Triangle mesh: `vertices`, (V, 3) m, and `faces`, (F, 3), the vertices of each triangle,
+    counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
 
     def moved(self, pose: Float[np.ndarray, "4 4"]) -> "Mesh":
-        """The surface turned and shifted by a homogeneous matrix."""
+        """Return the mesh transformed by a homogeneous matrix."""
         return Mesh(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.faces)
 
 
@@ -45,7 +45,7 @@ the two as arrays (V, 3) in m and (F, 3)."""
 
 
 def needed(package: str) -> ModuleType:
-    """A package of the extra `view`.
+    """Import a package of the extra `view`.
 
     **Raises:** `ImportError` that names the extra.
     """
@@ -58,28 +58,28 @@ def needed(package: str) -> ModuleType:
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """About z, with its middle in the origin."""
+    """Return a cylinder about z, centred at the origin."""
     return _of(_creation().cylinder(radius, length, sections=ROUND))
 
 
 def tube(inner: float, outer: float, length: float) -> Mesh:
-    """About z, open at both ends, with its middle in the origin."""
+    """Return a tube about z with open ends, centred at the origin."""
     return _of(_creation().annulus(inner, outer, length, sections=2 * ROUND))
 
 
 def ball(radius: float) -> Mesh:
-    """About the origin."""
+    """Return a ball about the origin."""
     return _of(_creation().icosphere(subdivisions=2, radius=radius))
 
 
 def box(sides: Sequence[float]) -> Mesh:
-    """Of three sides, m, about the origin."""
+    """Return a box of three sides, m, about the origin."""
     return _of(_creation().box(sides))
 
 
 def pyramid(height: float, width: float, depth: float) -> Mesh:
-    """With its tip in the origin, and its base, as wide along x and as deep along y, at
-    z = height."""
+    """Return a pyramid with its tip at the origin and its base at z = height, with `width` along x
+    and `depth` along y."""
     signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
     base = [(0.5 * width * x, 0.5 * depth * y, height) for x, y in signs]
     sides = [(0, 1 + (k + 1) % 4, 1 + k) for k in range(4)]
@@ -87,14 +87,14 @@ def pyramid(height: float, width: float, depth: float) -> Mesh:
 
 
 def arrow() -> Mesh:
-    """Of length one along z, from the origin; as wide as its transform scales x and y by."""
+    """Return an arrow of unit length and head radius along z, from the origin."""
     profile = [(0.0, 0.0), (0.35, 0.0), (0.35, 0.7), (1.0, 0.7), (0.0, 1.0)]
     return _of(_creation().revolve(profile, sections=ROUND // 2))
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """A helical spring along z as it looks at a length, m, shrunk to reach from 0 to 1; straight at
-    its ends."""
+    """Return a helical spring along z with straight ends, shaped for a length, m, but scaled to
+    reach from 0 to 1."""
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
     helix = [radius * np.cos(angle), radius * np.sin(angle), length * (0.12 + 0.76 * inside)]
@@ -102,18 +102,17 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     path = np.vstack([ends[:2], np.stack(helix, 1), ends[2:]])
     corners = 2.0 * np.pi * np.arange(6) / 6
     rings = []
-    for here, before, behind in zip(
-        path, np.vstack([path[:1], path[:-1]]), np.vstack([path[1:], path[-1:]]), strict=True
-    ):
-        frame = frame_about(behind - before)
+    padded = np.vstack([path[:1], path, path[-1:]])
+    for point, tangent in zip(path, padded[2:] - padded[:-2], strict=True):
+        frame = frame_about(tangent)
         ring = np.outer(np.cos(corners), frame[:, 0]) + np.outer(np.sin(corners), frame[:, 1])
-        rings.append(here + wire * ring)
+        rings.append(point + wire * ring)
     return Mesh(np.vstack(rings) / (1.0, 1.0, length), _skin(len(rings), len(corners)))
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """A spur gear about z of a pitch radius, m, the middle of a tooth on the x axis; with the hole
-    of an internal gear where the radius is negative."""
+    """Return a spur gear about z with a pitch radius, m, and the middle of a tooth on the x axis. A
+    negative radius gives an internal gear."""
     module = 2.0 * abs(radius) / teeth
     pitch = 2.0 * np.pi / teeth
     angle = (np.arange(teeth)[:, None] + TOOTH) * pitch
@@ -125,28 +124,28 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
-    """What a skin around balls of one radius at all points encloses: a rounded rod of two points,
-    a rounded plate of three."""
+    """Return the convex hull of balls of one radius at all points: a rounded rod for two points, a
+    rounded plate for three."""
     trimesh = needed("trimesh")
     knob = _creation().icosphere(subdivisions=1, radius=radius).vertices
     return _of(trimesh.convex.convex_hull((points[:, None] + knob[None]).reshape(-1, 3)))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Several surfaces as one."""
+    """Join several meshes."""
     firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + first for mesh, first in zip(meshes, firsts[:-1], strict=True)]
     return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
-    """A surface that a user gives.
+    """Convert and check a mesh that a user passes.
 
-    **Raises:** `ValueError` for what is none, by the argument's name.
+    **Raises:** `ValueError` with the name of the argument.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     if isinstance(value, str | Path):
-        require(Path(value).is_file(), argument, str(value), "a file that there is", remedy)
+        require(Path(value).is_file(), argument, str(value), "an existing file", remedy)
         value = needed("trimesh").load(value, force="mesh")
     if isinstance(value, HasTriangles):
         value = np.asarray(value.vertices), np.asarray(value.faces)
@@ -154,17 +153,17 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     require(len(pair) == 2, argument, type(value).__name__, "a mesh", remedy)
     vertices, faces = (np.asarray(part) for part in pair)
     for name, part in (("vertices", vertices), ("faces", faces)):
-        fine = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
-        require(fine, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)
-    inside = faces.min() >= 0 and faces.max() < len(vertices)
-    require(bool(inside), argument, int(faces.max()), "with faces of its vertices' numbers", remedy)
+        is_valid = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
+        require(is_valid, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)
+    in_range = faces.min() >= 0 and faces.max() < len(vertices)
+    require(bool(in_range), argument, int(faces.max()), "with faces of known vertices", remedy)
     finite = bool(np.isfinite(vertices).all())
     require(finite, argument, "vertices with NaN", "finite", "replace NaN and infinity")
     return Mesh(vertices.astype(float), faces.astype(int))
 
 
 def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
-    """A rotation matrix whose third column points along an axis, (3,) of any length but zero."""
+    """Return a rotation matrix whose third column is along an axis, (3,), which is not zero."""
     along = np.asarray(axis, dtype=float)
     along = along / np.linalg.norm(along)
     start = np.eye(3)[np.argmin(np.abs(along))]
@@ -173,12 +172,12 @@ def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
     return np.stack([np.cross(second, along), second, along], axis=1)
 
 
-def pose_at(point: ArrayLike, turn: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
-    """A homogeneous matrix that turns by (3, 3) and shifts to a point, (3,)."""
+def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
+    """Return the homogeneous matrix of a rotation, (3, 3), and a translation to a point, (3,)."""
     pose = np.eye(4)
     pose[:3, 3] = np.asarray(point, dtype=float)
-    if turn is not None:
-        pose[:3, :3] = turn
+    if rotation is not None:
+        pose[:3, :3] = rotation
     return pose
 
 
@@ -191,7 +190,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Triangles between successive rings of as many vertices each."""
+    """Triangles between successive rings with equal numbers of vertices."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners
     lower = np.stack([a, b, a + corners], -1).reshape(-1, 3)
@@ -200,19 +199,19 @@ def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
 
 
 def _plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """A plate across z whose rim is seen whole from its middle."""
+    """A plate across z with a star-shaped rim."""
     count, half = len(rim), 0.5 * width
     layers = [np.column_stack([rim, np.full(count, z)]) for z in (-half, half)]
     vertices = np.vstack([*layers, (0.0, 0.0, -half), (0.0, 0.0, half)])
-    here = np.arange(count)
-    after = (here + 1) % count
-    lower = np.stack([after, here, np.full(count, 2 * count)], 1)
-    upper = np.stack([here + count, after + count, np.full(count, 2 * count + 1)], 1)
+    index = np.arange(count)
+    following = (index + 1) % count
+    lower = np.stack([following, index, np.full(count, 2 * count)], 1)
+    upper = np.stack([index + count, following + count, np.full(count, 2 * count + 1)], 1)
     return Mesh(vertices, np.vstack([_skin(2, count), lower, upper]))
 
 
 def _ring(rim: Float[np.ndarray, "N 2"], outer: float, width: float) -> Mesh:
-    """A plate across z whose hole has a rim, and that ends at an outer radius."""
+    """A plate across z with an outer radius and a hole with the given rim."""
     edge = rim * (outer / np.linalg.norm(rim, axis=1))[:, None]
     loops = ((edge, -1.0), (edge, 1.0), (rim, 1.0), (rim, -1.0), (edge, -1.0))
     layers = [np.column_stack([loop, np.full(len(rim), 0.5 * width * z)]) for loop, z in loops]

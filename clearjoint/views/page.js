@@ -1,4 +1,4 @@
-const said = SAID;
+const content = CONTENT;
 const element = (kind, style, text, parent) => {
   const made = document.createElement(kind);
   made.style.cssText = style;
@@ -6,23 +6,23 @@ const element = (kind, style, text, parent) => {
   (parent || document.body).appendChild(made);
   return made;
 };
-document.title = said.title;
+document.title = content.title;
 const font = "font:13px/1.45 system-ui,sans-serif;color:#222;";
 const canvas = document.getElementById("canvasTarget");
 const box = element("div", font + "position:absolute;left:8px;top:8px;max-width:230px;" +
   "max-height:calc(100% - 90px);overflow:auto;padding:8px 10px;background:#fff;" +
   "border:1px solid #ccc;border-radius:4px;z-index:9");
 box.id = "legend";
-element("div", "font-weight:600;margin-bottom:3px", said.title, box);
-for (const [colour, name] of said.entries) {
+element("div", "font-weight:600;margin-bottom:3px", content.title, box);
+for (const [colour, name] of content.entries) {
   const line = element("div", "display:flex;align-items:center;gap:7px", "", box);
   element("span", "flex:none;width:13px;height:13px;border:1px solid #777;background:" + colour,
     "", line);
   element("span", "", name, line);
 }
-for (const note of said.notes) element("div", "color:#555;font-size:12px", note, box);
-if (said.times && said.times.length > 1) {
-  const times = said.times, last = times.length - 1, whole = times[last] - times[0];
+for (const note of content.notes) element("div", "color:#555;font-size:12px", note, box);
+if (content.times && content.times.length > 1) {
+  const times = content.times, last = times.length - 1, whole = times[last] - times[0];
   const [unit, factor] = whole < 1e-3 ? ["µs", 1e6] : whole < 1 ? ["ms", 1e3] : ["s", 1];
   const digits = Math.max(0, 3 - Math.floor(Math.log10(whole * factor)));
   const bar = element("div", font + "position:absolute;left:0;right:0;bottom:0;display:flex;" +
@@ -39,7 +39,7 @@ if (said.times && said.times.length > 1) {
   const speed = element("select", font + "padding:2px", "", bar);
   speed.id = "speed";
   speed.setAttribute("aria-label", "speed");
-  const usual = whole / said.lasts;
+  const usual = whole / content.duration;
   const says = (rate) => rate >= 1 ? +rate.toPrecision(2) + " × as fast" :
     +(1 / rate).toPrecision(2) + " × slower";
   for (const times_usual of [0.1, 0.25, 0.5, 1, 2, 4]) {
@@ -98,7 +98,7 @@ if (said.times && said.times.length > 1) {
 const fit = () => {
   const beside = window.innerWidth > 640 ? box.offsetWidth + 16 : 0;
   Object.assign(canvas.style, { left: beside + "px", width: `calc(100% - ${beside}px)`,
-    height: said.times ? "calc(100% - 43px)" : "100%" });
+    height: content.times ? "calc(100% - 43px)" : "100%" });
   K3DInstance.resizeHelper();
 };
 window.addEventListener("resize", fit);

@@ -1,20 +1,20 @@
-"""A page that shows a mechanism in a browser, in one file, with no network and no server.
+"""A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-Which library, measured with 12 bodies in 500 frames, Chromium 141 with the network off:
+Comparison of libraries with 12 bodies in 500 frames, Chromium 141 without network:
 
 | | k3d 3.2.0 | viser 1.1.1 |
 |---|---|---|
-| the file | 1.46 MB | 1.00 MB |
-| until it shows, by software | 2.5 s | 1.8 s |
-| time shown, and slider | any, by its hook for code | that of the playback only |
-| to write the file | nothing runs | a web server runs |
-| colour, size and place over time | one series each | one message each |
-| packages it brings | ipywidgets, which notebooks have | requests, rich, imageio, websockets<17 |
+| size of the file | 1.46 MB | 1.00 MB |
+| time to display, software rendering | 2.5 s | 1.8 s |
+| shown time, and slider | any, by custom code | playback time only |
+| writing the file | needs no server | needs a web server |
+| colour, size and pose over time | one series each | one message each |
+| dependencies | ipywidgets, which notebooks have | requests, rich, imageio, websockets<17 |
 | latest releases | 5 in the last 2 months | 5 in the last 5 months |
 
-Both work offline and are kept well; k3d is taken for the time that it shows and since nothing
-listens on any port. Poses go into the file once for each frame, solids once: 501 frames of a
-four-bar, a slider-crank or the robot arm, with arrows and modes, are 1.3 to 1.5 MB.
+Both work offline and are maintained. k3d is used since it shows the time of the run and opens no
+port. The file contains solids once and poses for each frame: 501 frames of a four-bar, a
+slider-crank or the robot arm, with arrows and modes, are 1.3 to 1.5 MB.
 """
 
 import json
@@ -25,20 +25,19 @@ from pathlib import Path
 
 import numpy as np
 
-from .camera import FIELD_OF_VIEW, Camera
 from .meshes import needed
 from .parts import MODES, DrawnPart
+from .proportions import FIELD_OF_VIEW, Camera
 
 SCRIPT = Path(__file__).with_name("page.js")
 WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
-LASTS = 8.0
-"""Time that a motion takes to play once, s."""
+DURATION = 8.0
+"""Duration of the playback at the default speed, s."""
 
 
 @dataclass(frozen=True)
 class Legend:
-    """What a picture says of itself: a `title`, `entries` of a colour and what it stands for, and
-    `notes`."""
+    """Legend of a view: a `title`, `entries` of a colour and its meaning, and `notes`."""
 
     title: str
     entries: tuple[tuple[str, str], ...]
@@ -52,10 +51,9 @@ def page(
     times: np.ndarray | None,
     height: int,
 ) -> str:
-    """The page's text.
+    """Return the HTML of the page.
 
-    **Arguments:** `times`: (N,) s, or ``None`` of a mechanism that stands still. `height`: in a
-    notebook, pixels.
+    **Arguments:** `times`: (N,) s, or ``None`` for a single state; `height`: in a notebook, pixels.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
@@ -73,22 +71,22 @@ def page(
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
-        said = {
+        content = {
             "title": legend.title,
             "entries": legend.entries,
             "notes": legend.notes,
             "times": None if times is None else [float(f"{time:.7g}") for time in times],
-            "lasts": LASTS,
+            "duration": DURATION,
         }
         script = SCRIPT.read_text(encoding="utf-8")
-        text = plot.get_snapshot(additional_js_code=script.replace("SAID", _as_script(said)))
-    # k3d never calls the script above where there is no WebGL, so this one stands by itself.
+        text = plot.get_snapshot(additional_js_code=script.replace("CONTENT", _as_script(content)))
+    # Without WebGL, k3d does not run the script above: this one is separate.
     before, end, after = text.rpartition("</body>")
     return f"{before}<script>{WITHOUT_WEBGL.read_text(encoding='utf-8')}</script>{end}{after}"
 
 
 def _drawable(part: DrawnPart, k3d):
-    """One of k3d's: what moves has a time series of homogeneous matrices."""
+    """A mesh of k3d; a moving part has a time series of homogeneous matrices."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),
@@ -113,5 +111,5 @@ def _number(colour: str) -> int:
 
 
 def _as_script(value: object) -> str:
-    """JSON that may stand in a script of a page, whatever names there are."""
+    """JSON that is safe inside a script element, for any names."""
     return json.dumps(value).replace("<", "\\u003c")

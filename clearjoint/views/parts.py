@@ -1,7 +1,7 @@
-"""The solids of which a picture is made."""
+"""Solids of a view, and their colours."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,25 +19,25 @@ BODIES = (
     "#44AA99",
     "#882255",
 )
-"""Of bodies, in turn (after M. Okabe and K. Ito, told apart by colour-blind people)."""
+"""Colours of bodies (after M. Okabe and K. Ito, which colour-blind people can distinguish)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
 FORCE, LOAD = "#D55E00", "#7A1F8C"
 MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
-"""Of the journal by its `MotionMode`: the darker, the more it touches."""
+"""Colours of a journal by `MotionMode`: darker for more contact."""
 CLEAR = 0.3
-"""Opacity of what one looks through."""
+"""Opacity of transparent parts."""
 
 
 @dataclass(frozen=True)
 class DrawnPart:
     """A solid in one piece.
 
-    - `name`: what it belongs to.
-    - `mesh`: in axes of its own.
-    - `poses`: (N, 4, 4), or (1, 4, 4) if it stays; matrices that may stretch.
-    - `colour`: "#rrggbb". `modes`: (N,) keys of `MODES`, which give the colour instead.
-    - `opacity`: 1.0, or less.
-    - `is_journal`: whether it is what moves in a play.
+    - `name`: of its body, joint or force.
+    - `mesh`: in local axes.
+    - `poses`: (N, 4, 4), or (1, 4, 4) for a fixed part; homogeneous matrices that may stretch.
+    - `colour`: "#rrggbb". `modes`: (N,) keys of `MODES`, which replace the colour.
+    - `opacity`: from 0.0 to 1.0.
+    - `is_journal`: whether it is the journal or ball of a clearance joint.
     """
 
     name: str
@@ -49,17 +49,17 @@ class DrawnPart:
     is_journal: bool = False
 
     def pose(self, k: int) -> Float[np.ndarray, "4 4"]:
-        """That of an instant."""
+        """The pose at instant k."""
         return self.poses[min(k, len(self.poses) - 1)]
 
     def colour_at(self, k: int) -> str:
-        """That of an instant."""
+        """The colour at instant k."""
         return self.colour if self.modes is None else MODES[int(self.modes[k])]
 
 
 @dataclass
 class OnBodies:
-    """Solids that move with bodies; those alike in body, colour and opacity become one part."""
+    """Solids that move with bodies; those of the same body, colour and opacity become one part."""
 
     _meshes: dict[tuple[str, str, float], list[Mesh]] = field(default_factory=dict)
 
@@ -68,7 +68,7 @@ class OnBodies:
         self._meshes.setdefault((body, colour, opacity), []).append(mesh)
 
     def parts(self, poses: dict[str, np.ndarray]) -> list[DrawnPart]:
-        """A part of each kind, by the poses of the bodies."""
+        """The parts, from the poses of the bodies."""
         return [
             DrawnPart(body, joined(meshes), _still(poses[body]), colour, opacity)
             for (body, colour, opacity), meshes in self._meshes.items()
@@ -78,8 +78,8 @@ class OnBodies:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Poses that take the z axis from 0 to 1 to what is between two points, and stretch x and y by
-    a width."""
+    """Return poses that map the z axis from 0 to 1 to the line between two points, and scale x and
+    y by a width."""
     along = ends - starts
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     poses = frames(along / length)
@@ -92,8 +92,8 @@ def between(
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Rotations whose third columns are unit vectors, and whose first are as near as they can be to
-    a start, if one is given."""
+    """Return rotations with given unit vectors as third columns, and with first columns as near as
+    possible to `start`, if given."""
     if start is None:
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -104,21 +104,16 @@ def frames(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Those of the boxes around all parts at some instants, m."""
-    found = []
+    """Return the corners of the boxes around all parts at some instants, m."""
+    result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
         grid = np.stack(np.meshgrid(*zip(*ends, strict=True)), -1).reshape(-1, 3)
         for k in instants if len(part.poses) > 1 else (0,):
-            found.append(Mesh(grid, part.mesh.faces).moved(part.pose(k)).vertices)
-    return np.vstack(found)
-
-
-def recoloured(part: DrawnPart, modes: np.ndarray) -> DrawnPart:
-    """The part in the colours of modes."""
-    return replace(part, modes=modes)
+            result.append(Mesh(grid, part.mesh.faces).moved(part.pose(k)).vertices)
+    return np.vstack(result)
 
 
 def _still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
-    """The poses, or one of them if all are the same."""
+    """The poses, or a single one if all are equal."""
     return poses[:1] if np.array_equal(poses, np.broadcast_to(poses[:1], poses.shape)) else poses

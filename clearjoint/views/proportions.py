@@ -1,37 +1,40 @@
-"""How large symbols are, how much plays are exaggerated, and from where one looks."""
+"""Sizes of symbols, scales of clearances, and the camera."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ..fields.checks import require, require_positive
 from ..model.scene import Scene
-from .motion import BodyPoses
-from .survey import SurveyingPen, equivalent_solid, own_points
+from .parts import FORCE, LOAD, DrawnPart, corners
+from .poses import BodyPoses
+from .survey import SurveyingPen, equivalent_solid, points_by_body
 
 BAR = 0.014
-"""Radius of a bar over the size of the mechanism."""
+"""Radius of a bar relative to the size of the mechanism."""
 BORE = 2.4
-"""Least radius of a bearing as drawn, over that of a bar."""
+"""Smallest drawn radius of a bearing relative to that of a bar."""
 DRAWN_GAP = 0.3
-"""Largest clearance as drawn, over the radius of its bearing."""
+"""Largest drawn clearance relative to the drawn radius of its bearing."""
 WIDEST_GAP = 0.9
-"""Likewise of factors that a user gives."""
+"""The same limit for a scale that a user gives."""
 PLANAR = 0.95
-"""Share of the axes that are parallel from which on a mechanism is planar."""
+"""Fraction of parallel axes above which a mechanism counts as planar."""
 
 
 @dataclass(frozen=True)
 class Proportions:
-    """Sizes of what is drawn.
+    """Sizes and scales of a view.
 
-    - `size`: of the mechanism, m: the diagonal of the box around it.
+    - `size`: diagonal of the box around the mechanism, m.
     - `bar`: radius of a bar, m.
-    - `bearing_scale`: how many times as large as they are bearings, journals and balls are drawn.
-    - `clearance_scale`: the same of clearances, and of where journals are in them.
-    - `front`, `up`: global unit vectors towards the viewer and upwards, not yet tilted.
-    - `planar`: whether one looks at a planar mechanism.
+    - `bearing_scale`: scale of bearings, journals and balls.
+    - `clearance_scale`: scale of clearances and of eccentricities.
+    - `front`, `up`: global unit vectors to the viewer and upwards, before the tilt.
+    - `planar`: whether the mechanism is planar.
     """
 
     size: float
@@ -43,50 +46,50 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Radius of a bearing as drawn, m."""
+        """Drawn radius of a bearing, m."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
 def proportions(
     scene: Scene,
     poses: BodyPoses,
-    seen: SurveyingPen,
+    noted: SurveyingPen,
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Those of a scene by what was noted of it; the scales are given, or chosen if ``None``: so
-    that bearings, and the widest clearance, can be seen.
+    """Return the proportions of a scene. Scales that are ``None`` are chosen so that bearings and
+    the widest clearance are visible.
 
-    **Raises:** `ValueError` for scales that are not positive, or that leave no journal.
+    **Raises:** `ValueError` for scales that are not positive, or with which no journal remains.
     """
-    size = _size(scene, poses, seen)
+    size = _size(scene, poses, noted)
     bar = BAR * size
-    radii = [bore.radius for bore in seen.bores if bore.radius is not None]
+    radii = [bore.radius for bore in noted.bores if bore.radius is not None]
     if bearing_scale is None:
         bearing_scale = max(1.0, _rounded(BORE * bar / min(radii))) if radii else 1.0
-    require_positive("bearing_scale", bearing_scale, "give how many times as large to draw it")
-    drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in seen.bores]
-    rooms = [bore / b.clearance for bore, b in zip(drawn, seen.bores, strict=True)]
+    require_positive("bearing_scale", bearing_scale, "give the scale of the drawn bearings")
+    drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in noted.bores]
+    limits = [bore / b.clearance for bore, b in zip(drawn, noted.bores, strict=True)]
     if clearance_scale is None:
-        clearance_scale = max(1.0, _rounded(DRAWN_GAP * min(rooms))) if rooms else 1.0
-    require_positive("clearance_scale", clearance_scale, "give how many times as wide to draw it")
-    most = WIDEST_GAP * min(rooms, default=np.inf)
+        clearance_scale = max(1.0, _rounded(DRAWN_GAP * min(limits))) if limits else 1.0
+    require_positive("clearance_scale", clearance_scale, "give the scale of the drawn clearances")
+    most = WIDEST_GAP * min(limits, default=np.inf)
     require(
         clearance_scale <= most,
         "clearance_scale",
         clearance_scale,
-        f"at most {most:.3g}, for something of the journal to be left",
+        f"at most {most:.3g}, so that the journal keeps a positive radius",
         "lower it, or draw bearings larger with `bearing_scale`",
     )
-    front, planar = _front(poses, seen)
+    front, planar = _front(poses, noted)
     up = _up(scene, front, planar)
     return Proportions(size, bar, float(bearing_scale), float(clearance_scale), front, up, planar)
 
 
-def _size(scene: Scene, poses: BodyPoses, seen: SurveyingPen) -> float:
+def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     """Diagonal of the box around joints and bodies at the first instant, m."""
-    points = [poses.point(place.body, place.point)[0] for place in seen.places]
-    joined = own_points(seen.places, scene.bodies)
+    points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
+    joined = points_by_body(noted.markers, scene.bodies)
     for name, body in scene.bodies.items():
         solid = equivalent_solid(body)
         if len(np.unique(np.round(joined[name], 9), axis=0)) <= 1:
@@ -96,12 +99,12 @@ def _size(scene: Scene, poses: BodyPoses, seen: SurveyingPen) -> float:
     return float(np.linalg.norm(box)) or 1.0
 
 
-def _front(poses: BodyPoses, seen: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """The axis of a planar mechanism, and whether it is one."""
+def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
+    """The main direction of the axes, and whether the mechanism is planar."""
     axes = [
-        poses.direction(place.body, place.axis)[0]
-        for place in seen.places
-        if place.axis is not None
+        poses.direction(marker.body, marker.axis)[0]
+        for marker in noted.markers
+        if marker.axis is not None
     ]
     if not axes:
         return np.array([0.0, 0.0, 1.0]), False
@@ -112,12 +115,12 @@ def _front(poses: BodyPoses, seen: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Against gravity, if there is any that one sees act; else along Y, or Z."""
-    wishes = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
-    for wish in (*wishes, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
-        size = np.linalg.norm(wish)
-        if size > 0.0 and (not planar or abs(wish @ front) < 0.5 * size):
-            return wish / size
+    """The direction against gravity, unless it is across the view; else Y, or Z."""
+    candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
+    for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        size = np.linalg.norm(candidate)
+        if size > 0.0 and (not planar or abs(candidate @ front) < 0.5 * size):
+            return candidate / size
     return np.array([1.0, 0.0, 0.0])
 
 
@@ -125,3 +128,85 @@ def _rounded(number: float) -> float:
     """A number to two digits, rounded down."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
     return float(np.round(np.floor(number / unit + 1e-9) * unit, 12))
+
+
+FIELD_OF_VIEW, FLAT = 30.0, 0.3
+"""Vertical field of view, degrees; and the largest sine of the angle between the axis of a
+mechanism and the vertical for a view from above."""
+ZOOM_OUT = 1.1
+"""Size of the picture relative to the parts."""
+INSTANTS = 120
+"""Instants at which positions of parts are evaluated."""
+ITERATIONS = 12
+"""Iterations for the position of the camera, which depends on the perspective."""
+WIDE = 1.25
+"""Smallest ratio of width to height of a picture."""
+TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
+"""Position of the viewer to the right and upwards, relative to the distance in front: of a planar
+mechanism, of a spatial one, and of one with a vertical axis."""
+
+
+class Camera(NamedTuple):
+    """Position of the viewer and target, m, and upward direction, (3,) each; and `reach`, half the
+    height of the picture in the plane of the target, m."""
+
+    eye: np.ndarray
+    target: np.ndarray
+    up: np.ndarray
+    reach: float
+
+    def axes(self) -> np.ndarray:
+        """Unit vectors to the right, upwards and to the viewer, as rows of a (3, 3) matrix."""
+        towards = self.eye - self.target
+        return _axes(towards / np.linalg.norm(towards), self.up)
+
+
+def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
+    """Return a camera that shows all parts at all `count` instants, with the mechanism, without
+    arrows, in the middle of the picture."""
+    instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
+    axes = _axes(_direction(proportions), proportions.up)
+    bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
+    mechanism, everything = (corners(family, instants) @ axes.T for family in (bodies, parts))
+    slope = np.tan(np.radians(0.5 * FIELD_OF_VIEW))
+    target = 0.5 * (mechanism.min(axis=0) + mechanism.max(axis=0))
+    high = np.abs(everything - target).max()
+    distance = high / slope + high
+    for _ in range(ITERATIONS):
+        projected = in_perspective(mechanism - target, distance)
+        target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
+        extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)
+        nearest = np.max(everything[:, 2] - target[2])
+        distance = max(ZOOM_OUT * max(extent[1], extent[0] / WIDE) / slope, 1.1 * nearest)
+    target = axes.T @ target
+    return Camera(target + distance * axes[2], target, axes[1], float(distance * slope))
+
+
+def in_perspective(
+    corners: Float[np.ndarray, "*N 3"], distance: float
+) -> Float[np.ndarray, "*N 2"]:
+    """Return the projection of points to the plane of the target, m to the right and upwards.
+
+    **Arguments:** `corners`: m from the target, to the right, upwards and to the viewer; `distance`
+    of the viewer from the target, m.
+    """
+    return corners[..., :2] * (distance / (distance - corners[..., 2:]))
+
+
+def _direction(proportions: Proportions) -> np.ndarray:
+    """Unit vector from the mechanism to the viewer."""
+    up = proportions.up
+    front = proportions.front - up * (proportions.front @ up)
+    rightwards, upwards = TILTED if proportions.planar else OBLIQUE
+    if np.linalg.norm(front) < FLAT:
+        front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+        rightwards, upwards = ABOVE
+    front = front / np.linalg.norm(front)
+    towards = front + rightwards * np.cross(up, front) + upwards * up
+    return towards / np.linalg.norm(towards)
+
+
+def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(towards, right), towards])

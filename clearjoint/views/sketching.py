@@ -1,6 +1,7 @@
-"""Solids of a scene: bodies around their joints, and the joints as symbols."""
+"""Solids of a scene: bodies, symbols of joints, and journals with exaggerated clearances."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from itertools import cycle
 
 import numpy as np
@@ -10,27 +11,108 @@ from ..fields.types import ArrayLike, Single, Triple
 from ..math.rotations import transverse_axes
 from ..math.vectors import Vector
 from ..model.bodies import GROUND, Body
+from ..model.clearance_joints.journal_bases import BASES, SIDES
 from ..model.pen import AbstractPen, Marker
 from ..model.scene import Scene
 from . import meshes
-from .journals import STICKS_OUT, WALL, DrawnJournal, drawn_ball, drawn_journal
 from .meshes import Mesh, frame_about, pose_at
-from .motion import BodyPoses
 from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, OnBodies, between, frames
+from .poses import BodyPoses
 from .proportions import Proportions
 from .survey import BodySolid, equivalent_solid
 
+WALL = 0.22
+"""Drawn thickness of a bearing's wall relative to its radius."""
+JOURNAL_LENGTH = 1.3
+"""Drawn length of a journal relative to that of its bearing."""
+
+
+@dataclass(frozen=True)
+class DrawnJournal:
+    """A journal as it is drawn.
+
+    - `ends`: (2, N, 3) m, global centres of its bases V and W.
+    - `poses`: (N, 4, 4), of its centre, with its axis along z.
+    - `radius`: m.
+    """
+
+    ends: Float[np.ndarray, "2 N 3"]
+    poses: Float[np.ndarray, "N 4 4"]
+    radius: float
+
+    def touching_point(
+        self, contact: str, normal: Float[np.ndarray, "N 3"]
+    ) -> Float[np.ndarray, "N 3"] | None:
+        """Contact point of a base in the direction of a normal; ``None`` for other contacts."""
+        if contact not in BASES:
+            return None
+        return self.ends[BASES.index(contact)] + self.radius * normal
+
+
+def drawn_journal(
+    poses: BodyPoses,
+    bearing: Marker,
+    journal: Marker,
+    *,
+    radius: float,
+    length: float,
+    clearance_scale: float,
+    bearing_scale: float,
+) -> DrawnJournal:
+    """Return a journal whose eccentricities are scaled by `clearance_scale`.
+
+    **Arguments:** `radius`: drawn radius of the journal, m; `length`: its real length, m.
+    """
+    axis = poses.direction(bearing.body, bearing.along())
+    journal_axis = poses.direction(journal.body, journal.along())
+    centre = poses.point(bearing.body, bearing.point)
+    reach = poses.point(journal.body, journal.point) - centre
+    sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    ends = []
+    for side in SIDES:
+        offset = reach + journal_axis * (0.5 * side * length)
+        across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
+        along = np.sum(reach * axis, axis=1, keepdims=True)
+        along = along + 0.5 * side * sense * length * bearing_scale
+        ends.append(centre + axis * along + across * clearance_scale)
+    drawn_axis = ends[1] - ends[0]
+    drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
+    # A direction across the axis that rotates with the journal.
+    local = np.cross(journal.along(), np.eye(3)[np.argmin(np.abs(journal.along()))])
+    drawn = frames(drawn_axis, poses.direction(journal.body, local))
+    drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
+    return DrawnJournal(np.array(ends), drawn, radius)
+
+
+def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
+    """A direction across the journal's axis that turns with it, global."""
+    axis = journal.along()
+    return poses.direction(journal.body, np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
+
+
+def drawn_ball(
+    poses: BodyPoses, socket: Marker, ball: Marker, clearance_scale: float
+) -> Float[np.ndarray, "N 4 4"]:
+    """Return poses of a ball whose eccentricity is scaled by `clearance_scale`."""
+    drawn = poses.poses[ball.body].copy()
+    centre = poses.point(socket.body, socket.point)
+    drawn[:, :3, 3] = centre + clearance_scale * (poses.point(ball.body, ball.point) - centre)
+    return drawn
+
+
 NEAR = 1e-3
-"""Distance of two points, over the size of the mechanism, up to which they are one."""
+"""Distance of two points, relative to the size of the mechanism, up to which they count as one."""
 SHORT = 0.5
-"""Length of a bar over that of the body's equivalent solid up to which the solid is drawn too."""
+"""Length of a bar relative to the body's equivalent solid up to which the solid is drawn too."""
 
 
 class SketchingPen(AbstractPen):
-    """Collects the parts of a picture.
+    """Collects the parts of a view.
 
-    `element` is the name of the joint or force that draws. Of each joint with play, `journals` has
-    where its journal is drawn; `loads` are points and forces, (N, 3) m and N, of constant loads.
+    - `element`: name of the joint or force that is being drawn.
+    - `journals`: the drawn journals, by joint.
+    - `loads`: points and forces, (N, 3) m and N, of constant loads.
+    - `drawn`: names of the drawn joints and forces.
     """
 
     def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
@@ -44,45 +126,43 @@ class SketchingPen(AbstractPen):
         self._shaped: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
-        """All that was drawn."""
+        """Return all parts."""
         return self._fixed.parts(dict(self._poses.poses)) + self._moving
 
-    # What elements say.
-
-    def mark(self, place: Marker) -> None:
-        """A small ball."""
-        self._fix(place, meshes.ball(1.3 * self._sizes.bar), METAL)
-        self._hold(place)
+    def mark(self, marker: Marker) -> None:
+        """Draw a small ball."""
+        self._fix(marker, meshes.ball(1.3 * self._sizes.bar), METAL)
+        self._hold(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """A cube."""
+        """Draw a cube."""
         self._fix(first, meshes.box([2.6 * self._sizes.bar] * 3), METAL)
         self._hold(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
-        """A pin that sticks out of both bodies."""
+        """Draw a pin that protrudes from both bodies."""
         bar = self._sizes.bar
         self._fix(first, meshes.cylinder(0.7 * bar, 6.0 * bar), METAL)
-        for place in (first, second):
-            behind = self._behind(place) * (3.5 * bar if place.body == GROUND else 0.0)
-            self._hold(place._replace(point=np.asarray(place.point) + behind))
+        for marker in (first, second):
+            behind = self._behind(marker) * (3.5 * bar if marker.body == GROUND else 0.0)
+            self._hold(marker._replace(point=np.asarray(marker.point) + behind))
 
     def ball(self, first: Marker, second: Marker) -> None:
-        """A ball larger than the bars."""
+        """Draw a ball larger than the bars."""
         self._fix(first, meshes.ball(1.6 * self._sizes.bar), METAL)
         self._hold(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Two pins."""
+        """Draw two pins."""
         arm = meshes.cylinder(0.6 * self._sizes.bar, 6.0 * self._sizes.bar)
-        for place in (first, second):
-            self._fix(place, arm, METAL)
+        for marker in (first, second):
+            self._fix(marker, arm, METAL)
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """A thin rail as long as the way on it, and a block or a sleeve."""
+        """Draw a thin rail as long as the motion along it, and a block or a sleeve."""
         bar, axis = self._sizes.bar, rail.along()
-        low, high = self._way(rail, block, axis)
+        low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
         line = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
         self._fix(Marker(rail.body, middle, axis), line, self._colours[rail.body])
@@ -90,13 +170,13 @@ class SketchingPen(AbstractPen):
         shape = meshes.box((size, size, 2.0 * size))
         if turning:
             shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)
-        turned = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
-        turned[:, :3, 3] = self._poses.point(block.body, block.point)
-        self._moving.append(DrawnPart(block.body, shape, turned, self._colours[block.body]))
+        poses = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
+        poses[:, :3, 3] = self._poses.point(block.body, block.point)
+        self._moving.append(DrawnPart(block.body, shape, poses, self._colours[block.body]))
         self._hold(rail, block)
 
     def plane(self, plane: Marker, point: Marker) -> None:
-        """A square to look through, and a ball on it."""
+        """Draw a transparent square, and a ball on it."""
         bar = self._sizes.bar
         square = meshes.box((10.0 * bar, 10.0 * bar, 0.2 * bar))
         self._fix(plane, square, self._colours[plane.body], CLEAR)
@@ -104,21 +184,21 @@ class SketchingPen(AbstractPen):
         self._hold(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
-        """A thin cylinder."""
+        """Draw a thin cylinder."""
         rod = meshes.cylinder(0.5 * self._sizes.bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
         self._span(rod, *self._ends(first, second))
 
     def spring(self, first: Marker, second: Marker) -> None:
-        """A coil."""
+        """Draw a coil."""
         bar, ends = self._sizes.bar, self._ends(first, second)
         length = max(float(np.linalg.norm(ends[1] - ends[0], axis=1).mean()), bar)
         self._span(meshes.coil(1.2 * bar, 0.25 * bar, length), *ends)
 
-    def load(self, place: Marker, force: Triple) -> None:
-        """An arrow, as long as the forces' scale makes it."""
-        points = self._poses.point(place.body, place.point)
+    def load(self, marker: Marker, force: Triple) -> None:
+        """Note a load, which is drawn as an arrow when the scale of forces is known."""
+        points = self._poses.point(marker.body, marker.point)
         self.loads[self.element] = points, np.broadcast_to(force, points.shape)
-        self._hold(place)
+        self._hold(marker)
 
     def bearing(
         self,
@@ -129,7 +209,7 @@ class SketchingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """An open cylinder, and a cylinder in it off the middle by the exaggerated offset."""
+        """Draw an open cylinder, and the journal in it with exaggerated eccentricity."""
         sizes = self._sizes
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
@@ -144,7 +224,7 @@ class SketchingPen(AbstractPen):
         )
         ring = meshes.tube(bore, outer, wide)
         self._fix(bearing, ring, self._colours[bearing.body])
-        pin = meshes.cylinder(drawn.radius, STICKS_OUT * wide)
+        pin = meshes.cylinder(drawn.radius, JOURNAL_LENGTH * wide)
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
         behind = self._behind(journal) * (0.5 * wide + 1.2 * sizes.bar)
@@ -152,7 +232,7 @@ class SketchingPen(AbstractPen):
         self._hold(bearing, around=outer)
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """A shell to look through, and a ball in it off the middle by the exaggerated offset."""
+        """Draw a transparent shell, and the ball in it with exaggerated eccentricity."""
         sizes = self._sizes
         bore = sizes.bore(float(radius))
         shell = meshes.ball(bore).moved(pose_at(np.asarray(socket.point)))
@@ -164,22 +244,22 @@ class SketchingPen(AbstractPen):
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Two plates as long as the way of the runner between them."""
+        """Draw two plates as long as the motion of the runner between them."""
         bar, depth = self._sizes.bar, 8.0 * self._sizes.bar
         frame = self._in_plane(middle.body, normal)
-        low, high = self._way(middle, runner, frame[:, 0])
-        reach, room = high - low + 2.0 * float(distance) + 2.0 * bar, float(distance)
+        low, high = self._range(middle, runner, frame[:, 0])
+        length, gap = high - low + 2.0 * float(distance) + 2.0 * bar, float(distance)
         centre = np.asarray(middle.point) + frame[:, 0] * (0.5 * (low + high))
         for side in (-1.0, 1.0):
-            at = centre + frame[:, 1] * (0.5 * side * (room + bar))
-            plate = meshes.box((reach, bar, depth)).moved(pose_at(at, frame))
+            at = centre + frame[:, 1] * (0.5 * side * (gap + bar))
+            plate = meshes.box((length, bar, depth)).moved(pose_at(at, frame))
             self._fixed.add(middle.body, plate, self._colours[middle.body])
         self._corners[middle.body].append(np.asarray(centre))
         self._shaped.add(middle.body)
         self.drawn.add(self.element)
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """A box."""
+        """Draw a box."""
         across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._sizes.bar))
@@ -190,14 +270,14 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """A cylinder across the plane that one looks at."""
+        """Draw a cylinder along the direction of view."""
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._sizes.bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
         self._hold(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """A wheel with teeth."""
+        """Draw a gear wheel."""
         frame = _toothed_frame(centre.along(), float(phase))
         count = round(abs(float(teeth)))
         wheel = meshes.gear(float(radius), count, 2.4 * self._sizes.bar)
@@ -207,10 +287,8 @@ class SketchingPen(AbstractPen):
         self._shaped.add(centre.body)
         self._hold(centre)
 
-    # What bodies are.
-
     def body(self, name: str, body: Body) -> None:
-        """A skin around the joints of a body; its equivalent solid where that is too little."""
+        """Draw a hull around a body's joints, and its equivalent solid if the hull is small."""
         points = self._distinct(name)
         if name in self._shaped and len(points) <= 1:
             return
@@ -224,23 +302,23 @@ class SketchingPen(AbstractPen):
             self._fixed.add(name, skin, self._colours[name])
 
     def solid(self, name: str, body: Body) -> None:
-        """The solid of a body's mass and inertia, to look through unless it is as thin as a bar."""
+        """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._sizes.bar
         shape = self._solid_shape(solid).moved(pose_at((0.0, 0.0, 0.0), solid.axes))
         self._fixed.add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
-        """A black ball in the origin of a body's frame, larger than its bar."""
+        """Draw a black ball, larger than the bar, at the origin of a body's frame."""
         self._fixed.add(name, meshes.ball(1.5 * self._sizes.bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
-        """A surface of a user's, in body axes, in the place of the skin."""
+        """Draw a mesh that the user passes, in body axes, instead of the hull."""
         self._fixed.add(name, mesh, self._colours[name])
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """A stand under each of the ground's joints."""
+        """Draw a stand below each joint of the ground."""
         bar = self._sizes.bar
         frame = frames(down[None], self._sizes.front[None] + 1e-6)[0, :3, :3]
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
@@ -255,73 +333,71 @@ class SketchingPen(AbstractPen):
         return meshes.box((first, second, third))
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Corners of a body, (M, 3) m, of which none are nearly the same."""
-        found: list[np.ndarray] = []
+        """Corners of a body, (M, 3) m, without nearly equal ones."""
+        distinct: list[np.ndarray] = []
         for point in self._corners[name]:
-            apart = [np.linalg.norm(point - other) for other in found]
-            if min(apart, default=np.inf) > NEAR * self._sizes.size:
-                found.append(point)
-        return np.reshape(found, (-1, 3))
+            distances = [np.linalg.norm(point - other) for other in distinct]
+            if min(distances, default=np.inf) > NEAR * self._sizes.size:
+                distinct.append(point)
+        return np.reshape(distinct, (-1, 3))
 
-    # How it is done.
-
-    def _fix(self, place: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid about z to a place, along its axis if it has one."""
-        turn = None if place.axis is None else frame_about(place.along())
-        moved = mesh.moved(pose_at(place.point, turn))
-        self._fixed.add(place.body, moved, colour, opacity)
+    def _fix(self, marker: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
+        """Fix a solid about z at a marker, along its axis if it has one."""
+        rotation = None if marker.axis is None else frame_about(marker.along())
+        moved = mesh.moved(pose_at(marker.point, rotation))
+        self._fixed.add(marker.body, moved, colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Global places, (N, 3) m, of what reaches from one to the other."""
+        """Global positions, (N, 3) m, of both markers."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
 
     def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        """Stretch a solid along z between two points."""
+        """Draw a solid along z that is stretched between two points."""
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
-    def _hold(self, *places: Marker, around: float = 0.0) -> None:
-        """Have bodies reach to places, or to within a distance of them, m."""
+    def _hold(self, *markers: Marker, around: float = 0.0) -> None:
+        """Extend the hulls of bodies to markers, or to a distance `around` them, m."""
         self.drawn.add(self.element)
-        for place in places:
-            point = np.asarray(place.point, dtype=float)
+        for marker in markers:
+            point = np.asarray(marker.point, dtype=float)
             if around:
-                point = point + self._way_out(place, around)
-            self._corners[place.body].append(point)
+                point = point + self._to_wall(marker, around)
+            self._corners[marker.body].append(point)
 
-    def _way_out(self, place: Marker, distance: float) -> np.ndarray:
-        """From a bearing's centre to its wall, towards the rest of the body, or down."""
-        point = np.asarray(place.point, dtype=float)
-        inwards = -self._sizes.up if place.body == GROUND else -point
-        if place.axis is not None:
-            axis = place.along()
+    def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
+        """From a bearing's centre to its wall, towards the centre of mass; for the ground down."""
+        point = np.asarray(marker.point, dtype=float)
+        inwards = -self._sizes.up if marker.body == GROUND else -point
+        if marker.axis is not None:
+            axis = marker.along()
             inwards = inwards - axis * (inwards @ axis)
         size = np.linalg.norm(inwards)
         return inwards * (distance / size) if size > distance else np.zeros(3)
 
-    def _behind(self, place: Marker) -> np.ndarray:
-        """The direction of a place's axis away from the viewer at first, in body axes."""
-        axis = place.along()
-        seen = self._poses.direction(place.body, axis)[0] @ self._sizes.front
-        return -axis if seen >= 0.0 else axis
+    def _behind(self, marker: Marker) -> np.ndarray:
+        """Direction of a marker's axis away from the viewer at first, in body axes."""
+        axis = marker.along()
+        towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
+        return -axis if towards_viewer >= 0.0 else axis
 
     def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
-        """Components in body axes, at first, of a global direction."""
+        """Components of a global direction in body axes at the first instant."""
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _in_plane(self, body: str, normal: Triple) -> np.ndarray:
-        """Axes along a wall, along its normal, and across the plane that one looks at."""
+        """Axes along a wall, along its normal, and along the direction of view."""
         upwards = _unit(normal)
         along = np.cross(upwards, self._components(body, self._sizes.front))
         along = _unit(along)
         return np.stack([along, upwards, np.cross(along, upwards)], axis=1)
 
-    def _way(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Least and greatest distance of a runner along an axis of another body, m."""
-        apart = self._poses.point(runner.body, runner.point)
-        apart = apart - self._poses.point(base.body, base.point)
-        along = np.sum(apart * self._poses.direction(base.body, axis), axis=1)
+    def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
+        """Smallest and largest position of a runner along an axis of another body, m."""
+        offset = self._poses.point(runner.body, runner.point)
+        offset = offset - self._poses.point(base.body, base.point)
+        along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
         return float(along.min()), float(along.max())
 
 
@@ -334,10 +410,10 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """All parts of a scene but arrows.
+    """Draw all parts of a scene except arrows.
 
-    **Arguments:** `given`: surfaces of bodies by name. `centres`, `solids`: whether to add centres
-    of mass and equivalent solids.
+    **Arguments:** `given`: meshes of bodies by name; `centres`, `solids`: whether to add centres of
+    mass and equivalent solids.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():
@@ -358,7 +434,7 @@ def sketch(
 
 
 def colours(bodies: Collection[str]) -> dict[str, str]:
-    """A colour of each body, and of the ground."""
+    """Return a colour for each body and the ground."""
     return dict(zip(bodies, cycle(BODIES), strict=False)) | {GROUND: GROUND_COLOUR}
 
 
@@ -368,9 +444,9 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
-    """Axes whose first one is turned by the phase from the first of an axis' transverse axes."""
+    """Axes of a gear about `along`; the first is a transverse axis, rotated by the phase."""
     numbers = transverse_axes(Vector(*(float(part) for part in along)))[0]
     first = np.array([float(part) for part in (numbers.x, numbers.y, numbers.z)])
     second = np.cross(along, first)
-    turned = first * np.cos(phase) + second * np.sin(phase)
-    return np.stack([turned, np.cross(along, turned), along], axis=1)
+    rotated = first * np.cos(phase) + second * np.sin(phase)
+    return np.stack([rotated, np.cross(along, rotated), along], axis=1)

@@ -1,4 +1,4 @@
-"""What there is to draw: where elements join bodies, along which axes, and how large plays are."""
+"""Collect points, axes and clearances of a scene's joints and forces."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,71 +13,78 @@ from .meshes import frame_about
 
 
 class Bore(NamedTuple):
-    """Radius of a bearing or socket, m, or ``None`` if nobody knows it; and its clearance, m."""
+    """Radius of a bearing or socket, m, or ``None`` if unknown; and its clearance, m."""
 
     radius: float | None
     clearance: float
 
 
 class SurveyingPen(AbstractPen):
-    """Notes the places that elements draw at.
+    """Collects the markers of elements, instead of drawing them.
 
-    - `places`: all of them.
-    - `joined`: pairs of them that an assembled mechanism has at one point, and along one axis where
-      both have one.
-    - `bores`: of all journals and balls with play.
+    - `markers`: all markers.
+    - `joined`: pairs of markers whose points are put together in a guess of the initial state, with
+      parallel axes if both have one. For a sliding block, for instance, this is one of the allowed
+      positions.
+    - `bores`: the bores of all journals and balls with clearance.
     """
 
     def __init__(self) -> None:
-        self.places: list[Marker] = []
+        self.markers: list[Marker] = []
         self.joined: list[tuple[Marker, Marker]] = []
         self.bores: list[Bore] = []
 
     def _join(self, first: Marker, second: Marker) -> None:
-        self.places += [first, second]
+        """Add two markers, and add them as a pair to `joined`."""
+        self.markers += [first, second]
         self.joined.append((first, second))
 
-    def mark(self, place: Marker) -> None:
-        """Note a point."""
-        self.places.append(place)
+    def mark(self, marker: Marker) -> None:
+        """Add the marker."""
+        self.markers.append(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """Note two points in one place."""
+        """Add two points that coincide."""
         self._join(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
-        """Note two axes in one line."""
+        """Add two axes that coincide."""
         self._join(first, second)
 
     def ball(self, first: Marker, second: Marker) -> None:
-        """Note two points in one place."""
+        """Add two points that coincide."""
         self._join(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Note two points in one place: their axes are at a right angle."""
+        """Add two points that coincide, without their axes, which are perpendicular."""
         self._join(first._replace(axis=None), second._replace(axis=None))
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Note two points on one line."""
+        """Add a rail and a block or sleeve on it.
+
+        The block is joined to the point of the rail's marker, although it may be anywhere on the
+        line through this point. Whether the block can turn does not matter.
+        """
         del turning
         self._join(rail, block)
 
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Note two points in one plane."""
+        """Add a plane and a point in it; the point is joined to the point of the plane's
+        marker."""
         self._join(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
-        """Note two points."""
-        self.places += [first, second]
+        """Add two points, which are not joined."""
+        self.markers += [first, second]
 
     def spring(self, first: Marker, second: Marker) -> None:
-        """Note two points."""
-        self.places += [first, second]
+        """Add two points, which are not joined."""
+        self.markers += [first, second]
 
-    def load(self, place: Marker, force: Triple) -> None:
-        """Note a point."""
+    def load(self, marker: Marker, force: Triple) -> None:
+        """Add the point of action; the force, N, is not used."""
         del force
-        self.places.append(place)
+        self.markers.append(marker)
 
     def bearing(
         self,
@@ -88,39 +95,39 @@ class SurveyingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Note two axes in one line, and the bore."""
+        """Add two axes that coincide, and the bore; `radius`, `clearance` and `length` in m."""
         del length
         self._join(bearing, journal)
         self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Note two points in one place, and the bore."""
+        """Add two points that coincide, and the bore; `radius` and `clearance` in m."""
         self._join(socket, ball)
         self.bores.append(Bore(float(radius), float(clearance)))
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Note two points."""
+        """Add the middle between two walls and a runner, joined without their axes."""
         del normal, distance
         self._join(middle._replace(axis=None), runner._replace(axis=None))
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Note a point, and no axis, since it is in the plane of the motion."""
+        """Add the centre without its axis, which lies in the plane of motion."""
         del normal, length, height
-        self.places.append(centre._replace(axis=None))
+        self.markers.append(centre._replace(axis=None))
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Note a point."""
+        """Add the centre."""
         del radius
-        self.places.append(centre)
+        self.markers.append(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Note a point and its axis."""
+        """Add the centre with its axis."""
         del radius, teeth, phase
-        self.places.append(centre)
+        self.markers.append(centre)
 
 
 def survey(scene: Scene) -> SurveyingPen:
-    """What the joints and forces of a scene draw at."""
+    """Collect the markers of a scene's joints and forces."""
     pen = SurveyingPen()
     for element in (*scene.joints.values(), *scene.forces.values()):
         element.draw(pen)
@@ -128,10 +135,10 @@ def survey(scene: Scene) -> SurveyingPen:
 
 
 class BodySolid(NamedTuple):
-    """The homogeneous solid of a body's mass and moments of inertia.
+    """A homogeneous solid with the mass and moments of inertia of a body.
 
-    `axes`: (3, 3), its axes in the columns, in body axes; `sides`: (3,) m, along them. A `round`
-    one is a cylinder about the third axis, and its first two sides are its diameter.
+    `axes`: (3, 3), axes of the solid as columns, in body axes; `sides`: (3,) m, along them. If
+    `round`, the solid is a cylinder about the third axis, and the first two sides are its diameter.
     """
 
     axes: np.ndarray
@@ -140,28 +147,28 @@ class BodySolid(NamedTuple):
 
 
 ALIKE = 1e-3
-"""Relative difference of two moments up to which a solid is round."""
+"""Largest relative difference of two moments of a round solid."""
 
 
 def equivalent_solid(body: Body) -> BodySolid:
-    """A cylinder for a body with just two equal principal moments, and a box for any other."""
+    """Return a cylinder for a body with exactly two equal principal moments, else a box."""
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
-    alike = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
-    if len(alike) == 1:
-        across, along = moments[alike[0] - 1], moments[alike[0]]
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
+    if len(equal) == 1:
+        across, along = moments[equal[0] - 1], moments[equal[0]]
         radius = np.sqrt(2.0 * along / mass)
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
-        third = frame_about(axes[:, alike[0]])
+        third = frame_about(axes[:, equal[0]])
         return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
 
-def own_points(places: list[Marker], bodies: Mapping[str, Body]) -> dict[str, np.ndarray]:
-    """The different points of each body that elements draw at, (M, 3) m in its axes, by name."""
-    found: dict[str, list[np.ndarray]] = {name: [] for name in bodies}
-    for place in places:
-        if place.body in found:
-            found[place.body].append(np.asarray(place.point, dtype=float))
-    return {name: np.reshape(points, (-1, 3)) for name, points in found.items()}
+def points_by_body(markers: list[Marker], bodies: Mapping[str, Body]) -> dict[str, np.ndarray]:
+    """Return the points of each body's markers, (M, 3) m in its axes, by name."""
+    by_body: dict[str, list[np.ndarray]] = {name: [] for name in bodies}
+    for marker in markers:
+        if marker.body in by_body:
+            by_body[marker.body].append(np.asarray(marker.point, dtype=float))
+    return {name: np.reshape(points, (-1, 3)) for name, points in by_body.items()}

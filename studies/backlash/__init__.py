@@ -1,1 +1,1 @@
-"""Backlash: one joint with play in clearjoint and by MuJoCo's recipe of two hinges."""
+"""Backlash of one joint in clearjoint and by MuJoCo's recipe of two hinges."""

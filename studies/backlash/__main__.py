@@ -1,9 +1,10 @@
-"""One joint with play, here and by MuJoCo's documented recipe, beside the exact motion.
+"""Backlash in clearjoint and by MuJoCo's recipe, compared with the exact motion.
 
     python -m studies.backlash [--quick] [--output results/backlash]
 
-A motor's shaft turns into the play of a link; nothing drives them, so that motion, energy and the
-derivative by the play are known in closed form. Needs MuJoCo: pip install -e '.[mujoco]'.
+The shaft of a motor turns against a link with backlash. Nothing drives them, so that motion, energy
+and the derivative by the backlash are known in closed form. Needs MuJoCo: pip install -e
+'.[mujoco]'.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from studies.common.report import markdown
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run both, print the tables, and draw."""
+    """Run both programs, print the tables, and draw."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "few steps and tolerances")
     options = parser.parse_args(arguments)

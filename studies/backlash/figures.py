@@ -1,4 +1,4 @@
-"""The figure: motion, and errors of motion and derivative against time."""
+"""Figure of the motion, and of errors of motion and derivative over time taken."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ MARKERS = "osD^"
 
 
 def figure(runs: Sequence[Trial], slopes: Sequence[Trial]) -> Figure:
-    """All three panels."""
+    """Draw all three panels."""
     shown, panels = plt.subplots(1, 3, figsize=(13.0, 4.6), layout="constrained")
     _motion(panels[0])
     _work(panels[1], runs, "largest error of an angle, rad")

@@ -19,30 +19,36 @@ from studies.backlash.shafts import (
     timed,
 )
 
-AXIS, HERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+AXIS, CLEARJOINT = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 RADIUS = 0.05
-"""Of the flanks, m: it is free, as the contact is given by its frequency and damping."""
+"""Radius of the flanks, m; without effect, as frequency and damping are given."""
 PARAMETERS = {"play": cj.Parameter(lambda scene: scene.joints["play"].play)}
 CHANNELS = {"link": cj.quantities.JointAngle("link")}
 
 
 def shafts() -> tuple[cj.Scene, cj.State]:
-    """The scene, and its state at the start."""
+    """Return the scene and its initial state."""
     mass = TOGETHER / RADIUS**2
     requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
-    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    law = cj.laws.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
     bodies = {
         "motor": cj.Body(1.0, (5e-3, 5e-3, MOTOR)),
         "link": cj.Body(1.0, (5e-3, 5e-3, LINK)),
     }
-    hinges = {name: cj.RevoluteJoint("ground", name, HERE, HERE, AXIS, AXIS) for name in bodies}
+    hinges = {
+        name: cj.RevoluteJoint("ground", name, CLEARJOINT, CLEARJOINT, AXIS, AXIS)
+        for name in bodies
+    }
     play = cj.Backlash("link", "motor", play=PLAY, radius=RADIUS, law=law)
-    states = {"motor": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "link": cj.body_state(HERE)}
+    states = {
+        "motor": cj.body_state(CLEARJOINT, spin=(0.0, 0.0, SPEED)),
+        "link": cj.body_state(CLEARJOINT),
+    }
     return cj.Scene(bodies, {**hinges, "play": play}), cj.State(states)
 
 
 def run(rtol: float) -> tuple[Motion, float]:
-    """The motion at the end, and how long a run takes once it is compiled, s."""
+    """Return the final motion, and the time of a compiled run, s."""
     scene, state = shafts()
     settings = cj.Settings(rtol=rtol, atol=1e-3 * rtol)
     solution, seconds = timed(lambda: cj.simulate(scene, state, END, settings, progress=False))
@@ -52,7 +58,7 @@ def run(rtol: float) -> tuple[Motion, float]:
 
 
 def path(times: np.ndarray) -> np.ndarray:
-    """The motor's angle less the link's, rad, at times (N,) in s."""
+    """Return the motor's angle minus the link's, rad, at times (N,), s."""
     scene, state = shafts()
     states = cj.simulate(scene, state, END, save=cj.Saving(times), progress=False).states
     turned = {
@@ -63,7 +69,9 @@ def path(times: np.ndarray) -> np.ndarray:
 
 
 def derivative(rtol: float) -> tuple[float, float]:
-    """Of the link's angle at the end by the play, and how long the compiled run takes, s."""
+    """Return the derivative of the link's final angle by the backlash, and the time of a compiled
+    run, s.
+    """
     scene, state = shafts()
     settings = replace(cj.presets.derivatives, rtol=rtol)
     found, seconds = timed(

@@ -1,11 +1,9 @@
-"""The shafts in MuJoCo, by its documented recipe: two hinges on one axis, the second with a small
-range, whose limit is a constraint.
+"""The shafts in MuJoCo, by its documented recipe: two hinges on one axis, the second with a limit.
 
-The recipe: https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash"; it is asked for in
-issue 995 of google-deepmind/mujoco. The limit's stiffness and damping are given directly, for a
-unit of inertia, so that they are those of the contact; an impedance of almost one makes them act in
-full. MuJoCo's own limit, a user's if he says nothing, is critically damped with a time constant of
-20 ms.
+Recipe: https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash" (requested in issue 995 of
+google-deepmind/mujoco). The limit's stiffness and damping are given directly for a unit of inertia,
+so that they are those of the contact; an impedance of almost one makes them act in full. MuJoCo's
+default limit is critically damped with a time constant of 20 ms.
 """
 
 import numpy as np
@@ -17,7 +15,7 @@ STIFF = (
     f'solreflimit="{-(FREQUENCY**2)} {-2.0 * DAMPING * FREQUENCY}" '
     'solimplimit="0.9999 0.9999 0.001 0.5 1"'
 )
-"""The limit with the contact's stiffness and damping."""
+"""Limit with the stiffness and damping of the contact."""
 MODEL = f"""
 <mujoco>
   <compiler angle="radian"/>
@@ -40,7 +38,7 @@ MODEL = f"""
 def _states(
     step: float, integrator: str, play: float, limit: str = STIFF
 ) -> tuple[np.ndarray, float]:
-    """Times, angles and rates after each step, (steps, 5), and how long the run takes, s."""
+    """Return times, angles and rates after each step, (steps, 5), and the time of the run, s."""
     model = MjModel.from_xml_string(MODEL.replace("LIMIT", limit))
     model.opt.timestep = step
     model.opt.integrator = getattr(mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -53,21 +51,22 @@ def _states(
 
 
 def run(step: float, integrator: str, play: float = PLAY) -> tuple[Motion, float]:
-    """The motion at the end, and how long the run takes, s."""
+    """Return the final motion, and the time of the run, s."""
     states, seconds = _states(step, integrator, play)
     _, motor, opened, rate, opening = states[-1]
     return Motion(np.array([motor, motor + opened]), np.array([rate, rate + opening])), seconds
 
 
 def path(step: float, integrator: str, limit: str = STIFF) -> tuple[np.ndarray, np.ndarray]:
-    """Times in s, and the motor's angle less the link's, rad, of each step."""
+    """Return times, s, and the motor's angle minus the link's, rad, of each step."""
     states, _ = _states(step, integrator, PLAY, limit)
     return states[:, 0], -states[:, 2]
 
 
 def derivative(step: float, integrator: str, change: float) -> tuple[float, float]:
-    """Of the link's angle at the end by the play, by central differences with a relative change of
-    the play, and how long the two runs take, s."""
+    """Return the derivative of the link's final angle by central differences with a relative change
+    of the backlash, and the time of the two runs, s.
+    """
     by = change * PLAY
     (more, first), (less, second) = (run(step, integrator, PLAY + s * by) for s in (1.0, -1.0))
     return float(more.angles[1] - less.angles[1]) / (2.0 * by), first + second

@@ -1,8 +1,8 @@
-"""A motor's shaft and a link with play between them: the numbers, and the exact motion.
+"""Motor shaft and link with backlash between them: numbers, and the exact motion.
 
-Nothing drives them, so that all is known: they fly through the play at constant speeds, and each
-contact is a damped oscillator that is let go where its force vanishes. The motor turns, the link
-rests, in the middle of the play.
+Nothing drives them: they move at constant speeds between contacts, and each contact is a damped
+oscillator that ends where its force vanishes. At the start the motor turns and the link rests, in
+the middle of the backlash.
 """
 
 import time
@@ -18,20 +18,20 @@ MOTOR, LINK = 1e-3, 4e-3
 """Moments of inertia, kg m^2."""
 TOGETHER = MOTOR * LINK / (MOTOR + LINK)
 PLAY, SPEED, END = 0.01, 2.0, 0.05
-"""rad from flank to flank, rad/s of the motor at the start, and s."""
+"""Backlash from flank to flank, rad, initial speed of the motor, rad/s, and end time, s."""
 IMPACTS = 8
-"""More than there are until then."""
+"""Number of computed impacts, more than there are until the end."""
 FREQUENCY, DAMPING = 2000.0, 0.2
-"""Of a contact: rad/s undamped, and over critical damping."""
+"""Undamped frequency, rad/s, and damping ratio of a contact."""
 
 REPEATS = 5
-"""Of what is timed."""
+"""Number of timed calls."""
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles (motor, link) in rad and their rates at one time, and the mechanical energy in J."""
+    """Angles of motor and link, rad, and their rates at one time, with the mechanical energy, J."""
 
     angles: np.ndarray
     rates: np.ndarray
@@ -43,7 +43,9 @@ class Motion:
 
 
 def relative(times: np.ndarray, play: jax.Array | float = PLAY) -> tuple[jax.Array, jax.Array]:
-    """The motor's angle less the link's, rad, and its rate, at times (N,) in s, exactly."""
+    """Return the motor's angle minus the link's, rad, and its rate, at times (N,), s, in closed
+    form.
+    """
     damped = FREQUENCY * jnp.sqrt(1.0 - DAMPING**2)
     decay = DAMPING * FREQUENCY
     contact = 2.0 * jnp.arccos(DAMPING) / damped
@@ -70,26 +72,26 @@ def relative(times: np.ndarray, play: jax.Array | float = PLAY) -> tuple[jax.Arr
 
 
 def exact(times: np.ndarray) -> list[Motion]:
-    """Both shafts at times (N,) in s."""
+    """Return the motion of both shafts at times (N,), s."""
     angle, rate = (np.asarray(part) for part in relative(times))
     return [of_relative(*row) for row in zip(times, angle, rate, strict=True)]
 
 
 def of_relative(time: float, angle: float, rate: float) -> Motion:
-    """Both shafts by the angle and the rate between them: their momentum stays."""
+    """Return the motion of both shafts from their relative motion: the momentum is constant."""
     mean = MOTOR * SPEED / (MOTOR + LINK)
     shares = np.array([LINK, -MOTOR]) / (MOTOR + LINK)
     return Motion(mean * time + shares * angle, mean + shares * rate)
 
 
 def exact_derivative(time: float) -> float:
-    """Of the link's angle by the play."""
+    """Return the derivative of the link's angle by the backlash."""
     _, change = jax.jvp(lambda play: relative(np.array([time]), play)[0][0], (PLAY,), (1.0,))
     return float(-MOTOR / (MOTOR + LINK) * change)
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
-    """What a call returns, and the least time that it takes in a few repeats, s."""
+    """Return the result of a call, and the least time of a few calls, s."""
     seconds, result = [], call()
     for _ in range(REPEATS):
         begun = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What is compared: runs and derivatives of both, by their errors and times."""
+"""Errors and times of runs and derivatives in both programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ TOLERANCES = (1e-4, 1e-6, 1e-8)
 QUICK = slice(0, 1)
 INTEGRATORS = ("implicitfast", "RK4")
 CHANGES = (1e-2, 1e-4)
-"""Of the play, relative, for differences."""
-HERE = "clearjoint"
+"""Relative changes of the backlash for differences."""
+CLEARJOINT = "clearjoint"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A run, or a derivative: who, with what setting, its `errors`, and how long it takes, s."""
+    """A run or a derivative: program, setting, `errors`, and time taken, s."""
 
     who: str
     setting: str
@@ -28,10 +28,10 @@ class Trial:
 
 
 def motions(quick: bool) -> list[Trial]:
-    """Errors of the angles at the end, rad, and of the energy, relative."""
+    """Return errors of the final angles, rad, and relative errors of the energy."""
     truth = exact(np.array([END]))[0]
     few = QUICK if quick else slice(None)
-    found = [(HERE, f"rtol {rtol:g}", ours.run(rtol)) for rtol in TOLERANCES[few]]
+    found = [(CLEARJOINT, f"rtol {rtol:g}", ours.run(rtol)) for rtol in TOLERANCES[few]]
     for name in INTEGRATORS:
         for step in STEPS[few]:
             found.append((f"MuJoCo, {name}", f"step {step:g} s", recipe.run(step, name)))
@@ -47,10 +47,10 @@ def motions(quick: bool) -> list[Trial]:
 
 
 def derivatives(quick: bool) -> list[Trial]:
-    """Errors of the derivative of the link's angle by the play, over its size."""
+    """Return relative errors of the derivative of the link's angle by the backlash."""
     truth = exact_derivative(END)
     few = QUICK if quick else slice(None)
-    found = [(HERE, f"rtol {rtol:g}", ours.derivative(rtol)) for rtol in TOLERANCES[few]]
+    found = [(CLEARJOINT, f"rtol {rtol:g}", ours.derivative(rtol)) for rtol in TOLERANCES[few]]
     for change in CHANGES:
         for step in STEPS[few]:
             who = f"MuJoCo, RK4, play ±{100.0 * change:g} %"
@@ -62,7 +62,7 @@ def derivatives(quick: bool) -> list[Trial]:
 
 
 def rows(trials: Sequence[Trial], *errors: str) -> list[list[str]]:
-    """Of a table: the errors by name, and times in ms."""
+    """Return the table of errors by name and times in ms as text."""
     head = ["", "", *errors, "time, ms"]
     return [head, *([t.who, t.setting, *map("{:.1e}".format, t.errors), _ms(t)] for t in trials)]
 

@@ -1,1 +1,1 @@
-"""What runs and sweeps cost, beside other programs."""
+"""Cost of runs, sweeps, derivatives and first calls, compared with other programs."""

@@ -1,9 +1,10 @@
-"""What runs, sweeps, derivatives and first calls cost, beside C++ of the same model and others.
+"""Cost of runs, sweeps, derivatives and first calls, compared with C++ of the same model and
+others.
 
     python -m studies.benchmark [NAME ...] [--quick] [--rounds N] [--output FOLDER] [--write]
 
-Everything is measured in turn, or what is named; results are one table, a JSON file and a picture.
-`--write` also puts the table and the picture of a full run into the study's folder.
+Measures the named groups, or all; writes one table, a JSON file and a figure. `--write` also
+replaces the table and the figure in the study's folder by those of a full run.
 """
 
 import argparse
@@ -28,12 +29,14 @@ GROUPS: dict[str, Callable[[Plan], list[Row]]] = {
     "others": runs.others,
     "first-calls": first_calls.rows,
 }
-"""Names of the command line, and what they measure."""
+"""Groups of the command line, and functions that measure them."""
 ROUNDS = 5
 
 
 def prepare(quick: bool, rounds: int, output: Path) -> Plan:
-    """How to measure; the program in C++ is built in `output`, and compared with clearjoint."""
+    """Return the plan of the measurements, after building the C++ program in `output` and checking
+    it.
+    """
     warnings.filterwarnings("ignore", category=cj.LeftBearingWarning)
     output.mkdir(parents=True, exist_ok=True)
     yardstick = build(output)
@@ -44,7 +47,7 @@ def prepare(quick: bool, rounds: int, output: Path) -> Plan:
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The options of a command line."""
+    """Return the options of a command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(GROUPS))
     parser.add_argument("--quick", action="store_true", help="short runs, few of each, one round")
@@ -64,7 +67,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure what the command line asks for; print and write it."""
+    """Measure, print and write what the command line names."""
     options = parse(arguments)
     cj.configure()
     output, rows, cells = options.output, [], [HEAD]

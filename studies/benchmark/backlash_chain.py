@@ -1,14 +1,14 @@
-"""A chain of links whose joints have motors and backlash, here and by MuJoCo's documented recipe.
+"""Chain of links whose joints have motors and backlash, in clearjoint and by MuJoCo's recipe.
 
-Link k hangs by an ideal hinge on link k - 1 and moves in the plane; on the same axis turns a rotor,
-and between rotor and link is the play. Rotors begin to turn, alternately one way and the other,
-links rest, nothing else drives them. MuJoCo's documentation makes play of a second hinge with a
-small range (https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash"), so that a joint is
-a hinge of the rotor on the link before and one of the link on the rotor.
+Link k hangs on link k - 1 by an ideal hinge and moves in the plane. A rotor turns about the same
+axis, with backlash between rotor and link. The rotors start with alternate directions, the links at
+rest, without further loads. MuJoCo's documentation makes backlash of a second hinge with a small
+range (https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash"): a joint is a hinge of the
+rotor on the previous link and one of the link on the rotor.
 
-The contacts have the same frequency and damping in both, but not the same law: clearjoint's flanks
-are springs with a damper, MuJoCo's limit sets the acceleration whatever loads act from elsewhere.
-Each program's error is therefore taken against itself at a setting far finer.
+The contacts have the same frequency and damping in both programs, but clearjoint's flanks are
+springs with a damper, while MuJoCo's limit sets the acceleration under any load. The error of each
+program is therefore measured against a far finer setting of the same program.
 """
 
 import math
@@ -35,31 +35,31 @@ SPAN = 0.05
 """Simulated time, s."""
 RTOL, FINE_RTOL = 1e-5, 1e-9
 STEP, FINE_STEP = 1e-5, 1e-6
-"""Of MuJoCo, s."""
+"""MuJoCo's steps, s."""
 
 LENGTH, MASS, ROTOR, LINK = 0.2, 1.0, 5e-3, 4e-3
-"""m, kg, and kg m^2: of a rotor, and of a link about its centre of mass."""
+"""Length, m, mass, kg, and moments of inertia of a rotor and of a link about its centre, kg m^2."""
 PLAY, SPEED = 0.01, 2.0
-"""rad from flank to flank, and rad/s of the rotors at the start."""
+"""Backlash from flank to flank, rad, and initial speed of the rotors, rad/s."""
 FREQUENCY, DAMPING = 2000.0, 0.2
-"""Of a contact: rad/s undamped, and over critical damping."""
+"""Undamped frequency, rad/s, and damping ratio of a contact."""
 RADIUS = 0.05
-"""Of the flanks, m: it is free, as the contact is given by its frequency and damping."""
+"""Radius of the flanks, m; without effect, as frequency and damping are given."""
 ROTOR_MASS = 0.5
-"""kg."""
+"""Mass of a rotor, kg."""
 
 Run = Callable[[float], tuple[np.ndarray, Sample]]
-"""Angles of the links at the end, rad, and the time of a run at some tolerance or step."""
+"""Function of a tolerance or step that returns final angles of the links, rad, and the time."""
 
 
 def chain(joints: int) -> tuple[cj.Scene, cj.State]:
-    """The scene and its state at the start; links lie along X and turn about Z."""
+    """Return the scene and its initial state; links lie along X and turn about Z."""
     axis, centre = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
     near, far = (-0.5 * LENGTH, 0.0, 0.0), (0.5 * LENGTH, 0.0, 0.0)
     about_hinge = LINK + MASS * (0.5 * LENGTH) ** 2
     mass = ROTOR * about_hinge / (ROTOR + about_hinge) / RADIUS**2
     requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
-    law = cj.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    law = cj.laws.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
     bodies, elements, states = {}, {}, {}
     before, end = "ground", centre
     for k in range(joints):
@@ -77,8 +77,11 @@ def chain(joints: int) -> tuple[cj.Scene, cj.State]:
 
 
 def model(joints: int) -> str:
-    """The chain in MuJoCo's XML; the limit has the contact's stiffness and damping for a unit of
-    inertia, and an impedance of almost one, so that they act in full."""
+    """Return the chain in MuJoCo's XML.
+
+    The limit has the contact's stiffness and damping for a unit of inertia, and an impedance of
+    almost one, so that they act in full.
+    """
     limit = (
         f'range="{-0.5 * PLAY} {0.5 * PLAY}" solimplimit="0.9999 0.9999 0.001 0.5 1" '
         f'solreflimit="{-(FREQUENCY**2)} {-2.0 * DAMPING * FREQUENCY}"'
@@ -99,15 +102,17 @@ def model(joints: int) -> str:
     )
 
 
-class Here:
-    """The chain in clearjoint, ready to run at a relative tolerance."""
+class ClearjointChain:
+    """The chain in clearjoint."""
 
     def __init__(self, joints: int):
         self._joints, (self._scene, self._state) = joints, chain(joints)
 
     def run(self, rtol: float) -> tuple[np.ndarray, Sample]:
-        """Angles of the links at the end, rad, (joints,), and the time of the call."""
-        found: list[cj.Solution] = []
+        """Return the final angles of the links, (joints,) rad, and the time of the call, for a
+        relative tolerance.
+        """
+        found: list[cj.results.Solution] = []
 
         def call() -> int:
             settings = cj.Settings(rtol=rtol)
@@ -120,8 +125,8 @@ class Here:
         return np.array([2.0 * math.atan2(p[3], p[0]) for p in turned]), sample
 
 
-class There:
-    """The chain in MuJoCo, ready to run with a fixed step."""
+class MujocoChain:
+    """The chain in MuJoCo."""
 
     def __init__(self, joints: int):
         from mujoco import MjData, MjModel  # pyright: ignore
@@ -133,7 +138,9 @@ class There:
         # A rotor's speed is relative to the link before, which rests.
 
     def run(self, step: float) -> tuple[np.ndarray, Sample]:
-        """Angles of the links at the end, rad, (joints,), and the time of the steps."""
+        """Return the final angles of the links, (joints,) rad, and the time of the steps, for a
+        fixed step in s.
+        """
         from mujoco import mj_resetData, mj_step  # pyright: ignore
 
         count = round(SPAN / step)
@@ -150,15 +157,17 @@ class There:
 
 
 def rows(plan: Plan) -> list[Row]:
-    """A run of each chain here and in MuJoCo, with the errors of both."""
-    beside = find_spec("mujoco") is not None
-    if not beside:
+    """Measure each chain in clearjoint and in MuJoCo, with the errors of both."""
+    has_mujoco = find_spec("mujoco") is not None
+    if not has_mujoco:
         print("MuJoCo is not installed (pip install mujoco): rows of backlash have no ratio.")
     found = []
     for joints in QUICK_JOINTS if plan.quick else JOINTS:
-        runs: dict[str, tuple[Run, float, float]] = {"here": (Here(joints).run, RTOL, FINE_RTOL)}
-        if beside:
-            runs["there"] = There(joints).run, STEP, FINE_STEP
+        runs: dict[str, tuple[Run, float, float]] = {
+            "here": (ClearjointChain(joints).run, RTOL, FINE_RTOL)
+        }
+        if has_mujoco:
+            runs["there"] = MujocoChain(joints).run, STEP, FINE_STEP
         calls = {
             name: lambda k, run=run, setting=setting: run(setting)[1]
             for name, (run, setting, _) in runs.items()
@@ -169,12 +178,12 @@ def rows(plan: Plan) -> list[Row]:
             }
             errors = [f"{_error(*case):.0e}" for case in runs.values()]
         plural = "s" if joints > 1 else ""
-        what = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
+        label = f"{joints} joint{plural} with backlash, {SPAN:g} s; off {' and '.join(errors)} rad"
         name = f"MuJoCo, RK4, steps of {1e6 * STEP:g} µs"
-        found.append(row(what, times["here"], times.get("there"), name if beside else ""))
+        found.append(row(label, times["here"], times.get("there"), name if has_mujoco else ""))
     return found
 
 
 def _error(run: Run, setting: float, finer: float) -> float:
-    """Largest difference of the angles at the end from those at a finer setting, rad."""
+    """Return the largest difference of the final angles from those at a finer setting, rad."""
     return float(np.abs(run(setting)[0] - run(finer)[0]).max())

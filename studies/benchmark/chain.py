@@ -1,15 +1,15 @@
-"""A chain of rods hung on the ground, each by a joint with clearance."""
+"""Chain of rods on the ground, connected by joints with clearance."""
 
 import clearjoint as cj
 
 LENGTH, MASS, CLEARANCE, RESTITUTION = 0.2, 1.0, 5e-4, 0.9
-"""m, kg, m and 1."""
+"""Length, m, and mass, kg, of a rod; radial clearance, m; restitution."""
 
 
 def chain(rods: int) -> tuple[cj.Scene, cj.State]:
-    """Slender rods in a row along X, at rest, with joints about Z; gravity along -Y."""
+    """Return slender rods in a row along X, at rest, with joints about Z and gravity along -Y."""
     across = MASS * LENGTH**2 / 12
-    law = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.STEEL)
+    law = cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.mechanisms.STEEL)
     bodies, joints, states = {}, {}, {}
     before, end = "ground", (0.0, 0.0, 0.0)
     for k in range(rods):

@@ -1,4 +1,4 @@
-"""Error-controlled derivatives of a run beside the run, by the number of parameters."""
+"""Cost of error-controlled derivatives relative to the run, by the number of parameters."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -19,22 +19,23 @@ from studies.benchmark.table import (
 )
 
 SPAN, NO_TIME = 0.1, 1e-6
-"""Simulated time, s."""
+"""Simulated times, s."""
 COUNTS, QUICK_COUNTS = (1, 3, 8, 12), (1,)
 RTOL, LANDING = 1e-9, 1e-13
 TOLERANCES = (10.0, 1e3)
-"""Of the derivatives, in the tolerances of the states: the default, and that of fits."""
+"""Tolerances of the derivatives relative to those of the states: the default, and that of fits."""
 AIMS = {10.0: 4.0, 1e3: 3.5}
 STEP_AIM, FEW = 3.2, 8
-"""Aims hold for up to so many parameters."""
+"""Aim of the cost of a step, and largest number of parameters with aims."""
 REPEATS = 30
-"""Calls of which the least time is taken: a run takes less than the rest of its call."""
+"""Number of calls; the least time counts, since a run takes less than the rest of its call."""
 REFERENCE = {
     0.012: (2.861031385e-4, -2.626347866e-6, -4.567781795e-5),
     0.1: (-3.040991498e-4, 5.228820326e-5, -2.617509723e-3),
 }
-"""Derivatives of arm 2's height, m, by the end time: by log c (K follows c), log K, restitution;
-by central differences of an event-exact solver in quadruple precision."""
+"""Derivatives of arm 2's height, m, at the end time by log c (K follows c), log K and restitution,
+by central differences of an event-exact solver in quadruple precision.
+"""
 
 
 def _inertia(body: str, axis: int) -> cj.Parameter:
@@ -51,11 +52,13 @@ PARAMETERS = {
     **{f"inertia {k} of arm 2": _inertia("arm 2", k) for k in range(3)},
     **{f"inertia {k} of arm 3": _inertia("arm 3", k) for k in range(3)},
 }
-"""What derivatives are taken along, the first of them."""
+"""Parameters of the derivatives, in order."""
 
 
 def rows(plan: Plan) -> list[Row]:
-    """Attempted steps and runs with derivatives, by those without; less the cost of a call."""
+    """Measure steps and runs with derivatives relative to those without, without the cost of a
+    call.
+    """
     found = []
     for count in QUICK_COUNTS if plan.quick else COUNTS:
         calls = {
@@ -70,15 +73,15 @@ def rows(plan: Plan) -> list[Row]:
         with on_cores(1):
             samples = interleaved(calls, plan.rounds)
         call, call_with = samples["call"], samples["call with derivatives"]
-        what = f"{count} parameter" + ("s" if count > 1 else "")
+        label = f"{count} parameter" + ("s" if count > 1 else "")
         few = count <= FEW
         steps = (step_times(samples["10"], call_with), step_times(samples["run"], call))
         aim = STEP_AIM if few else None
-        found.append(row(f"an attempted step, {what}", *steps, "without derivatives", aim))
+        found.append(row(f"an attempted step, {label}", *steps, "without derivatives", aim))
         for tolerance, aim in AIMS.items():
             found.append(
                 row(
-                    f"derivatives, {what}, tolerance {tolerance:g}",
+                    f"derivatives, {label}, tolerance {tolerance:g}",
                     seconds(samples[f"{tolerance:g}"]) - _least(call_with),
                     seconds(samples["run"]) - _least(call),
                     "the run",
@@ -86,7 +89,7 @@ def rows(plan: Plan) -> list[Row]:
                 )
             )
         if count == 3 or plan.quick:
-            found.append(row(f"call of `sensitivities` over 1 µs, {what}", seconds(call_with)))
+            found.append(row(f"call of `sensitivities` over 1 µs, {label}", seconds(call_with)))
     return found
 
 
@@ -100,7 +103,7 @@ def _least(samples: list[Sample]) -> float:
 
 @cache
 def _pendulum() -> tuple[cj.Scene, cj.State]:
-    return cj.double_pendulum()
+    return cj.mechanisms.double_pendulum()
 
 
 def _settings(tolerance: float) -> cj.Settings:
@@ -117,8 +120,8 @@ def _derivatives(count: int, tolerance: float, span: float) -> int:
     return int(derivatives(count, tolerance, span).attempts)
 
 
-def derivatives(count: int, tolerance: float, span: float) -> cj.Sensitivities:
-    """Of arm 2's height at the end by the first so many parameters."""
+def derivatives(count: int, tolerance: float, span: float) -> cj.results.Sensitivities:
+    """Return the derivatives of arm 2's final height by the first `count` parameters."""
     scene, state = _pendulum()
     return cj.sensitivities(
         scene,

@@ -1,7 +1,8 @@
-"""What a user waits for: imports, first runs, sweeps and derivatives of a fresh Python.
+"""Time of imports, first runs, sweeps and derivatives in a fresh Python process.
 
-Each call is alone in a process on one core, first with an empty cache folder ("nothing kept") and
-then with what the first process has kept. Times are processor times of the call, import apart.
+Each call runs alone in a process on one core, first with an empty cache folder ("nothing kept"),
+then with the cache of the first process ("kept"). Times are processor times of the call without the
+import.
 """
 
 import json
@@ -21,12 +22,12 @@ from studies.benchmark.table import Plan, Row, on_cores, processor_time, row
 from studies.common.fresh_process import ROOT, in_process
 
 SPAN = 0.02
-"""Simulated time, s: hardly any, so that what is measured is what comes before."""
+"""Simulated time, s, so short that only the preparation counts."""
 LANES, RODS = 8, 8
 PLAY = {"crank pin": 0.2e-3, "rocker pin": 0.2e-3}
 """Radial clearances of the four-bar, m."""
 IMPORT_AIM, STUDY_AIM = 1.4, 15.0
-"""s: of the import, and of the paper's study with nothing kept."""
+"""Aims of the import, and of the paper's study without a cache, s."""
 FRESH = """
 import sys, time
 begun = time.process_time()
@@ -38,25 +39,26 @@ print_first_call(sys.argv[2], sys.argv[3], imported)
 """
 
 
-class OwnLaw(cj.LankaraniNikravesh):
-    """A law that is no class of the package's: a call with it is traced in every process."""
+class OwnLaw(cj.laws.LankaraniNikravesh):
+    """Law defined outside the package, which is traced in every process."""
 
 
 def four_bar() -> tuple[cj.Scene, cj.State]:
-    """A four-bar with play of 0.2 mm at both ends of its coupler, restitution 0.8 and friction, at
-    rest."""
-    return cj.four_bar(PLAY, 0.8, friction=cj.RegularisedCoulomb(0.1))
+    """Return a four-bar at rest with clearance of 0.2 mm at both ends of its coupler, restitution
+    0.8 and friction.
+    """
+    return cj.mechanisms.four_bar(PLAY, 0.8, friction=cj.frictions.RegularisedCoulomb(0.1))
 
 
 def own_law() -> tuple[cj.Scene, cj.State]:
-    """The pendulum with a user's own law."""
-    law = OwnLaw(restitution=0.9, stiffness=cj.STEEL)
-    return cj.double_pendulum(0.5e-3, law=law)
+    """Return the pendulum with a user-defined law."""
+    law = OwnLaw(restitution=0.9, stiffness=cj.mechanisms.STEEL)
+    return cj.mechanisms.double_pendulum(0.5e-3, law=law)
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """What makes it, and a joint and a body of it."""
+    """A mechanism, with a joint and a body of it."""
 
     make: Callable[[], tuple[cj.Scene, cj.State]]
     joint: str
@@ -64,7 +66,7 @@ class Mechanism:
 
 
 MECHANISMS = {
-    "pendulum": Mechanism(lambda: cj.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
+    "pendulum": Mechanism(lambda: cj.mechanisms.double_pendulum(0.5e-3, 0.9), "shoulder", "arm 2"),
     "pendulum with a user's law": Mechanism(own_law, "shoulder", "arm 2"),
     "four-bar": Mechanism(four_bar, "crank pin", "coupler"),
     "eight bodies": Mechanism(lambda: chain(RODS), "joint 1", f"rod {RODS}"),
@@ -73,8 +75,9 @@ MECHANISMS = {
 
 @dataclass(frozen=True)
 class FirstCall:
-    """A call of a mechanism, and how long it should take, s: with nothing kept, and kept, which is
-    not measured if it is ``None``."""
+    """A call of a mechanism, and aims of its time without and with a cache, s; a call with a cache
+    is not measured if its aim is ``None``.
+    """
 
     mechanism: str
     call: str
@@ -96,34 +99,35 @@ CALLS = (
 
 
 def rows(plan: Plan) -> list[Row]:
-    """The import, each first call, and the paper's study; what is kept `rounds` times, others
-    once."""
+    """Measure the import, each first call, and the paper's study; calls with a cache `rounds`
+    times.
+    """
     imports: list[float] = []
     found = []
     with on_cores(1):
         for first in QUICK if plan.quick else CALLS:
-            what = f"first `{first.call}`, {first.mechanism}"
+            label = f"first `{first.call}`, {first.mechanism}"
             with tempfile.TemporaryDirectory() as folder:
                 again = plan.rounds if first.kept is not None else 0
                 runs = [_measured(folder, first) for _ in range(1 + again)]
             imports += [imported for imported, _ in runs]
             times = np.array([call for _, call in runs])
-            found.append(row(f"{what}, nothing kept", times[:1], aim=first.nothing_kept))
+            found.append(row(f"{label}, nothing kept", times[:1], aim=first.nothing_kept))
             if again:
-                found.append(row(f"{what}, kept", times[1:], aim=first.kept))
+                found.append(row(f"{label}, kept", times[1:], aim=first.kept))
         if not plan.quick:
             found.append(row("the paper's study, nothing kept", _study(), aim=STUDY_AIM))
     return [row("import", np.array(imports), aim=IMPORT_AIM), *found]
 
 
 def _measured(folder: str, first: FirstCall) -> tuple[float, float]:
-    """Processor times of the import and of the call, s."""
+    """Return processor times of the import and of the call, s."""
     imported, call = in_process(FRESH, folder, first.mechanism, first.call)[1]
     return imported, call
 
 
 def _study() -> np.ndarray:
-    """Processor time of all of its process, s, (1,)."""
+    """Return the processor time of the whole process, s, (1,)."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "studies.double_pendulum", "--output", folder]
         variables = os.environ | {"CLEARJOINT_CACHE": f"{folder}/cache"}

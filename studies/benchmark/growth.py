@@ -1,8 +1,9 @@
-"""How the time to a first answer grows with bodies, with plays and with parameters.
+"""Time to a first answer by the number of bodies, clearance joints and parameters.
 
-Run by ``python -m studies.benchmark.growth [--quick] [--output FOLDER]``: each call alone in a
-fresh process with nothing kept, compiled by this package and, where that ends in reasonable time,
-by XLA. Processor time.
+    python -m studies.benchmark.growth [--quick] [--output FOLDER]
+
+Each call runs alone in a fresh process without a cache, compiled natively and, where that takes
+reasonable time, by XLA. Times are processor times.
 """
 
 import argparse
@@ -22,7 +23,7 @@ from studies.common.fresh_process import in_process
 from studies.common.report import Record, report
 
 SPAN = 1e-3
-"""Simulated time, s: hardly any."""
+"""Simulated time, s, so short that only the preparation counts."""
 NUMBERS = {"ideal joints": (3, 6, 12, 24, 48), "plays": (1, 2, 4, 8), "parameters": (1, 3, 8)}
 BY_XLA = {"ideal joints": (3, 6, 12), "plays": (1, 2, 4), "parameters": (1, 3)}
 QUICK = {"ideal joints": (1, 2)}
@@ -37,9 +38,9 @@ print_first_answer(sys.argv[2], int(sys.argv[3]))
 
 
 def rows(quick: bool = False) -> list[Record]:
-    """Processor time in s to each first answer, and its parts where programs are native.
+    """Measure the processor time of each first answer, s, and its parts where programs are native.
 
-    Of what lies outside of the parts, most is checks and small programs before and after a run.
+    The time outside the parts is mostly checks, and small programs before and after a run.
     """
     found = [_row(of, n, "native") for of, ns in (QUICK if quick else NUMBERS).items() for n in ns]
     by_xla = {} if quick else BY_XLA
@@ -54,7 +55,7 @@ def _row(of: str, number: int, compiler: str) -> Record:
 
 
 def figure(rows: Sequence[Record]) -> Figure:
-    """The time to a first answer against the number of what grows, one panel for each."""
+    """Draw the time to a first answer against each number."""
     kinds = list(dict.fromkeys(row["of"] for row in rows))
     drawn, panels = plt.subplots(
         1, len(kinds), figsize=(3.6 * len(kinds), 3.4), sharey=True, squeeze=False, layout="tight"
@@ -76,7 +77,7 @@ def figure(rows: Sequence[Record]) -> Figure:
 
 
 def print_first_answer(of: str, number: int) -> None:
-    """Call for the first time, and print how long that takes."""
+    """Call for the first time, and print the time."""
     scene, state = _scene(of, number)
     begun = time.process_time()
     if of == "parameters":
@@ -90,12 +91,12 @@ def print_first_answer(of: str, number: int) -> None:
 
 def _scene(of: str, number: int) -> tuple[cj.Scene, cj.State]:
     if of == "parameters":
-        return cj.double_pendulum(0.5e-3, 0.9)
+        return cj.mechanisms.double_pendulum(0.5e-3, 0.9)
     return chain(number) if of == "plays" else ideal_chain(number)
 
 
 def ideal_chain(rods: int) -> tuple[cj.Scene, cj.State]:
-    """Slender rods in a row along X, at rest, hinged about Z; gravity along -Y."""
+    """Return slender rods in a row along X, at rest, hinged about Z, with gravity along -Y."""
     scene, state = chain(rods)
     names, end, axis = ["ground", *scene.bodies], (0.5 * LENGTH, 0.0, 0.0), (0.0, 0.0, 1.0)
     before = [(0.0, 0.0, 0.0), *[end] * (rods - 1)]
@@ -117,7 +118,7 @@ def _parameters(number: int) -> dict[str, cj.Parameter]:
         "gravity": cj.Parameter(lambda s: s.gravity[1]),
         "radius": cj.Parameter(lambda s: s.joints["shoulder"].bearing_radius, cj.Log()),
         "length": cj.Parameter(lambda s: s.joints["shoulder"].journal_length, cj.Log()),
-        "place": cj.Parameter(lambda s: s.joints["shoulder"].journal_point[0]),
+        "journal point": cj.Parameter(lambda s: s.joints["shoulder"].journal_point[0]),
     }
     return dict(list(chosen.items())[:number])
 

@@ -1,4 +1,4 @@
-"""Single runs of the paper's pendulum: beside C++, beside SciPy and Exudyn, and of no length."""
+"""Single runs of the paper's pendulum compared with C++, SciPy and Exudyn; the cost of a call."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,24 +22,24 @@ from studies.benchmark.table import (
 )
 from studies.benchmark.yardstick import CHECKED_SPAN, CLEARANCE, RESTITUTION, SCALAR
 from studies.common.baselines import scipy_pendulum
-from studies.common.baselines.result import BaselineRun
+from studies.common.baselines.scipy_pendulum import BaselineRun
 
 SPAN, QUICK_SPAN = 4.0, 0.2
-"""Simulated time, s."""
+"""Simulated times, s."""
 BESIDE_OTHERS, QUICK_BESIDE_OTHERS = 0.5, 0.02
-"""Of runs beside slower programs, s."""
+"""Simulated times of the comparison with slower programs, s."""
 NO_TIME = 1e-6
-"""s: a call over it costs what every call costs."""
+"""Simulated time of a call that has only the constant cost, s."""
 RTOL, EXUDYN_STEP = 1e-6, 1e-4
-"""The tolerance; and Exudyn's longest step, s."""
+"""Tolerance, and Exudyn's longest step, s."""
 NUDGE = 1e-6
-"""By this share the clearance grows from round to round: another motion once it is chaotic."""
+"""Relative change of the clearance from round to round, which changes a chaotic motion."""
 FEW = 3
-"""Rounds of the slower programs, at most."""
+"""Largest number of rounds of the slower programs."""
 
 
 def rows(plan: Plan) -> list[Row]:
-    """A run of 4 s beside scalar C++, and the cost of a call."""
+    """Measure a run of 4 s relative to scalar C++, and the cost of a call."""
     span = QUICK_SPAN if plan.quick else SPAN
     calls = {"run": lambda k: _run(span, k), "call": lambda k: _run(NO_TIME, k)}
     yardstick = plan.yardstick
@@ -64,7 +64,7 @@ def rows(plan: Plan) -> list[Row]:
 
 
 def others(plan: Plan) -> list[Row]:
-    """A run beside SciPy's `solve_ivp` and Exudyn, with errors before chaos."""
+    """Measure a run relative to SciPy's `solve_ivp` and Exudyn, with errors before chaos."""
     span = QUICK_BESIDE_OTHERS if plan.quick else BESIDE_OTHERS
     programs = [_Program("SciPy, DOP853, rtol 1e-6", _scipy)]
     if find_spec("exudyn") is None:
@@ -85,15 +85,15 @@ def others(plan: Plan) -> list[Row]:
         with on_cores(1):
             samples = interleaved(calls, min(plan.rounds, FEW))
             off = np.linalg.norm(program.run(checked, CLEARANCE).r2 - reference)
-        what = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
+        label = f"run of {span:g} s; errors at {checked:g} s: {error:.0e} and {off:.0e} m"
         here, there = (seconds(times) for times in samples.values())
-        found.append(row(what, here, there, program.name))
+        found.append(row(label, here, there, program.name))
     return found
 
 
 @dataclass(frozen=True)
 class _Program:
-    """Runs a span, s, with a clearance, m."""
+    """A program that simulates a span, s, with a clearance, m."""
 
     name: str
     run: Callable[[float, float], BaselineRun]
@@ -108,7 +108,7 @@ def _settings() -> cj.Settings:
 
 
 def _run(span: float, k: int) -> Sample:
-    scene, state = cj.double_pendulum(_clearance(k), RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(_clearance(k), RESTITUTION)
 
     def call() -> int:
         return int(cj.simulate(scene, state, span, _settings(), progress=False).attempts)
@@ -117,7 +117,7 @@ def _run(span: float, k: int) -> Sample:
 
 
 def _end(span: float, k: int, settings: cj.Settings) -> np.ndarray:
-    scene, state = cj.double_pendulum(_clearance(k), RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(_clearance(k), RESTITUTION)
     final = cj.simulate(scene, state, span, settings, progress=False).final
     return np.asarray(final.bodies["arm 2"].position)
 

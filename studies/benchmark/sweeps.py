@@ -1,4 +1,4 @@
-"""Sweeps over the pendulum's clearance, on one thread beside C++, and on two beside one."""
+"""Sweeps over the pendulum's clearance compared with C++, and on two threads with one."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,15 +22,17 @@ from studies.benchmark.table import (
 from studies.benchmark.yardstick import EIGHT, RESTITUTION, SCALAR
 
 LEAST, MOST = 5e-5, 1e-3
-"""Radial clearances, m."""
+"""Range of the radial clearances, m."""
 SWEEPS, QUICK_SWEEPS = ((256, 0.5), (1024, 0.2)), ((16, 0.02), (32, 0.012))
-"""Lanes, and simulated time of each, s."""
+"""Numbers of lanes, and simulated time of each, s."""
 RTOL = 1e-6
 THREADS = 2
 
 
 def rows(plan: Plan) -> list[Row]:
-    """Sweeps on one thread beside C++, with a peak too, and on two threads beside one."""
+    """Measure sweeps on one thread relative to C++, also with a peak, and on two threads relative
+    to one.
+    """
     few, many = QUICK_SWEEPS if plan.quick else SWEEPS
     found = []
     for (lanes, span), peak in ((few, False), (few, True), (many, False)):
@@ -57,12 +59,12 @@ def rows(plan: Plan) -> list[Row]:
         }
         steps = interleaved(calls, plan.rounds)
     here, there = (step_times(steps[str(lanes)]) for lanes, _ in (many, few))
-    what = f"an attempted step of a lane, {many[0]} lanes"
-    return [*found, row(what, here, there, f"{few[0]} lanes", 1.1)]
+    label = f"an attempted step of a lane, {many[0]} lanes"
+    return [*found, row(label, here, there, f"{few[0]} lanes", 1.1)]
 
 
 def _on_threads(plan: Plan, name: str, lanes: int, span: float, peak: bool) -> list[Row]:
-    """The sweep on two threads beside one, by the clock."""
+    """Measure the sweep on two threads relative to one, by wall time."""
     if 0 < len(cores()) < THREADS:
         print(f"{name} on {THREADS} threads: left out, as there is one core.")
         return []
@@ -76,7 +78,7 @@ def _on_threads(plan: Plan, name: str, lanes: int, span: float, peak: bool) -> l
 
 def swept(lanes: int, span: float, peak: bool, threads: int) -> int:
     """Sweep the clearances, and return the number of attempted steps."""
-    scene, state = cj.double_pendulum(restitution=RESTITUTION)
+    scene, state = cj.mechanisms.double_pendulum(restitution=RESTITUTION)
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, np.geomspace(LEAST, MOST, lanes))
     outputs = {"force": cj.Peak(cj.quantities.ContactForce("shoulder"), "N")} if peak else {}
     results = cj.sweep(

@@ -1,4 +1,4 @@
-"""Rows of the benchmark: how they are timed, and how they are written and drawn."""
+"""Timing, text and figure of the rows of the benchmark."""
 
 import os
 import re
@@ -17,20 +17,20 @@ from studies.benchmark.yardstick import Yardstick
 
 HEAD = ("what", "clearjoint", "yardstick", "ratio", "aim")
 SHORT = 5
-"""Calls of which the least time is taken, where a call takes milliseconds."""
+"""Number of calls where a call takes milliseconds; the least time counts."""
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 BEGIN, END = "<!-- begin of the table -->", "<!-- end of the table -->"
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured, and how long it takes, s, here and by the yardstick.
+    """Time of a measurement and of its yardstick, s.
 
-    `ratio`: of the two times, the median over the rounds, and `spread` its least and greatest.
-    `aim`: what the ratio should be at most; without a yardstick, what the time should be, s.
+    `ratio`: median of the ratios of both over the rounds; `spread`: least and largest ratio. `aim`:
+    largest acceptable ratio, or without a yardstick the largest acceptable time, s.
     """
 
-    what: str
+    label: str
     seconds: float
     yardstick: str = ""
     other: float | None = None
@@ -39,7 +39,7 @@ class Row:
     aim: float | None = None
 
     def cells(self) -> tuple[str, ...]:
-        """The row as text."""
+        """Return the row as text."""
         here, other, ratio, aim = shown(self.seconds), self.yardstick, "", ""
         if self.other is not None:
             other = f"{shown(self.other)}, {self.yardstick}"
@@ -47,12 +47,12 @@ class Row:
             ratio = "{:.3g} ({:.3g} … {:.3g})".format(self.ratio, *self.spread)
         if self.aim is not None:
             aim = shown(self.aim) if self.ratio is None else f"{self.aim:g}"
-        return self.what, here, other, ratio, aim
+        return self.label, here, other, ratio, aim
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One measurement: its time, s, and the steps that were attempted in it."""
+    """Time of a measurement, s, and its number of attempted steps."""
 
     seconds: float
     steps: int = 1
@@ -60,8 +60,9 @@ class Sample:
 
 @dataclass(frozen=True)
 class Plan:
-    """How to measure: `rounds` of each row, in seconds altogether if `quick`; without `yardstick`
-    rows that need it have no ratio."""
+    """Number of rounds, and whether the measurements are short; without `yardstick` some rows have
+    no ratio.
+    """
 
     quick: bool
     rounds: int
@@ -69,7 +70,7 @@ class Plan:
 
 
 def shown(seconds: float) -> str:
-    """A time with three digits and a unit."""
+    """Return a time with three digits and a unit."""
     unit, name = next((pair for pair in UNITS if seconds >= 0.9995 * pair[0]), UNITS[-1])
     return f"{seconds / unit:.3g} {name}"
 
@@ -77,10 +78,11 @@ def shown(seconds: float) -> str:
 def interleaved(
     calls: Mapping[str, Callable[[int], Sample]], rounds: int
 ) -> dict[str, list[Sample]]:
-    """Samples of calls, A B C A B C, after one call each that is not counted.
+    """Return samples of calls in alternation (A B C A B C), after one call each that is not
+    counted.
 
-    Each is called with the number of the round. So what disturbs a machine for a while disturbs
-    both sides of a ratio.
+    Each is called with the number of the round. Disturbances of the machine then affect both sides
+    of a ratio.
     """
     for call in calls.values():
         call(0)
@@ -89,34 +91,33 @@ def interleaved(
 
 
 def seconds(samples: Sequence[Sample]) -> np.ndarray:
-    """Times, (rounds,)."""
+    """Return the times of samples, (rounds,) s."""
     return np.array([sample.seconds for sample in samples])
 
 
 def step_times(samples: Sequence[Sample], less: Sequence[Sample] | None = None) -> np.ndarray:
-    """Times of an attempted step, s, (rounds,), without the least of what is to be left out."""
+    """Return the times of an attempted step, (rounds,) s, less the least time of others."""
     outside = np.min(seconds(less)) if less else 0.0
     return np.array([(sample.seconds - outside) / sample.steps for sample in samples])
 
 
 def row(
-    what: str,
+    label: str,
     here: np.ndarray,
     other: np.ndarray | None = None,
     yardstick: str = "",
     aim: float | None = None,
 ) -> Row:
-    """The row of times (rounds,) beside others of the same rounds."""
+    """Return the row of times (rounds,), compared with others of the same rounds."""
     if other is None:
-        return Row(what, float(np.median(here)), yardstick, aim=None if yardstick else aim)
+        return Row(label, float(np.median(here)), yardstick, aim=None if yardstick else aim)
     ratios = (here / other).tolist()
     times = float(np.median(here)), yardstick, float(np.median(other))
-    return Row(what, *times, median(ratios), (min(ratios), max(ratios)), aim)
+    return Row(label, *times, median(ratios), (min(ratios), max(ratios)), aim)
 
 
 def processor_time(call: Callable[[], int], times: int = 1) -> Sample:
-    """Of a call that returns its number of steps: the processor time of all threads, the least of
-    so many calls."""
+    """Return the least processor time of several calls that return their number of steps."""
     found, steps = [], 1
     for _ in range(times):
         begun = time.process_time()
@@ -126,20 +127,20 @@ def processor_time(call: Callable[[], int], times: int = 1) -> Sample:
 
 
 def wall_time(call: Callable[[], int]) -> Sample:
-    """Of a call that returns its number of steps: the time by the clock."""
+    """Return the wall time of a call that returns its number of steps."""
     begun = time.perf_counter()
     steps = call()
     return Sample(time.perf_counter() - begun, steps)
 
 
 def cores() -> list[int]:
-    """The cores that this process may use; empty where the system does not say (not Linux)."""
+    """Return the cores of this process; empty if the system does not tell (not Linux)."""
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 
 
 @contextmanager
 def on_cores(count: int) -> Iterator[None]:
-    """Keep this thread, and threads and processes that begin inside, on so many cores (Linux)."""
+    """Restrict this thread and all that it starts to a number of cores (Linux)."""
     present = cores()
     if present:
         os.sched_setaffinity(0, present[:count])
@@ -151,7 +152,7 @@ def on_cores(count: int) -> Iterator[None]:
 
 
 def replace_table(file: Path, table: str) -> None:
-    """Put a table between the two markers of a file.
+    """Replace the table between the two markers of a file.
 
     **Raises:** `ValueError` if the file does not have both.
     """
@@ -163,8 +164,7 @@ def replace_table(file: Path, table: str) -> None:
 
 
 def figure(rows: Sequence[Row]) -> Figure:
-    """Ratios with their spread, and the aims; rows without a ratio but with an aim by their time
-    over it."""
+    """Draw ratios with their spread and aims; rows without a ratio show the time over the aim."""
     drawn = [one for one in rows if one.ratio is not None or one.aim is not None]
     canvas = Figure(figsize=(9.0, 1.2 + 0.24 * len(drawn)), layout="constrained")
     axes = canvas.subplots()
@@ -179,7 +179,7 @@ def figure(rows: Sequence[Row]) -> Figure:
         axes.plot(value, place, "o", color=colour, markersize=5)
         if aim is not None:
             axes.plot(aim, place, "|", color="black", markersize=11)
-    labels = [f"{one.what} / {one.yardstick or 'aim'}" for one in drawn]
+    labels = [f"{one.label} / {one.yardstick or 'aim'}" for one in drawn]
     axes.set_yticks(range(len(drawn)), labels, fontsize=7)
     axes.invert_yaxis()
     axes.set_xscale("log")

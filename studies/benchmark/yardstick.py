@@ -1,4 +1,4 @@
-"""The pendulum in C++, built by the system's compiler, and a check that it is the same motion."""
+"""The pendulum in C++: build, runs, and a check that its motion agrees."""
 
 import json
 import os
@@ -16,15 +16,16 @@ FLAGS = ("-std=gnu++17", "-O3", "-march=native", "-ffast-math")
 SCALAR, EIGHT = "scalar C++", "C++ of eight lanes"
 WIDTHS = {SCALAR: 1, EIGHT: 8}
 CLEARANCE, RESTITUTION = 0.5e-3, 0.9
-"""m and 1, of single runs; the restitution is also that of the C++."""
+"""Clearance, m, and restitution of single runs; the restitution is also that of the C++."""
 CHECKED_RTOL, CHECKED_SPAN = 1e-9, 0.1
-"""Of the comparison with clearjoint; s, five impacts on and before chaos."""
+"""Tolerance and span, s, of the comparison with clearjoint: five impacts, before chaos."""
 
 
 @dataclass(frozen=True)
 class Timed:
-    """Processor time, s, and of each run: attempted steps, onset (s) and entry speed (m/s) of the
-    first impact, NaN if there is none, and arm 2's centre at the end, (runs, 3) m."""
+    """Processor time, s, and for each run: attempted steps, onset, s, and entry speed, m/s, of the
+    first impact (NaN if there is none), and the final centre of arm 2, (runs, 3) m.
+    """
 
     seconds: float
     attempts: np.ndarray
@@ -35,8 +36,9 @@ class Timed:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Differences of a run in C++ from clearjoint's: of the first impact's onset, relative, and
-    entry speed, relative, and of arm 2's centre before chaos, m."""
+    """Differences of a run in C++ from clearjoint: relative ones of onset and entry speed of the
+    first impact, and of arm 2's centre before chaos, m.
+    """
 
     onset: float
     speed: float
@@ -61,8 +63,9 @@ class Yardstick:
         rtol: float,
         clearances: tuple[float, float, int] = (CLEARANCE, CLEARANCE, 1),
     ) -> Timed:
-        """Runs of `kind` over `span` s, in radial clearances from the least to the most, m, as many
-        as given, log-spaced."""
+        """Run a number of radial clearances over `span`, s, log-spaced from the least to the
+        largest, m.
+        """
         least, most, count = clearances
         numbers = (WIDTHS[kind], span, rtol, count, least, most, 1)
         words = [str(self._program), *(repr(float(n)) if n != int(n) else str(n) for n in numbers)]
@@ -78,31 +81,31 @@ class Yardstick:
         )
 
     def agreement(self, kind: str) -> Agreement:
-        """How far it is from clearjoint, at the tolerance and the span of the comparison."""
-        there = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
-        here = cj.simulate(
-            *cj.double_pendulum(CLEARANCE, RESTITUTION),
+        """Return the difference from clearjoint at the tolerance and span of the comparison."""
+        found = self.run(kind, CHECKED_SPAN, CHECKED_RTOL)
+        expected = cj.simulate(
+            *cj.mechanisms.double_pendulum(CLEARANCE, RESTITUTION),
             CHECKED_SPAN,
             cj.Settings(rtol=CHECKED_RTOL),
             save=cj.Saving(impacts=True),
             progress=False,
         )
-        impacts = here.impacts
+        impacts = expected.impacts
         assert impacts is not None
         first = int(np.argmin(impacts.onset))
-        position = np.asarray(here.final.bodies["arm 2"].position)
+        position = np.asarray(expected.final.bodies["arm 2"].position)
         return Agreement(
-            float(abs(there.onsets[0] / impacts.onset[first] - 1.0)),
-            float(abs(there.speeds[0] / impacts.entry_speed[first] - 1.0)),
-            float(np.linalg.norm(there.positions[0] - position)),
+            float(abs(found.onsets[0] / impacts.onset[first] - 1.0)),
+            float(abs(found.speeds[0] / impacts.entry_speed[first] - 1.0)),
+            float(np.linalg.norm(found.positions[0] - position)),
         )
 
 
 def build(folder: Path) -> Yardstick | None:
-    """Compile the program into a folder; say why not, and return ``None``, if that fails."""
+    """Compile the program in a folder; print the reason and return ``None`` if that fails."""
     compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
     if compiler is None:
-        print("No C++ compiler (g++ or c++) was found: rows beside C++ have no ratio.")
+        print("No C++ compiler (g++ or c++) was found: rows with C++ have no ratio.")
         return None
     folder.mkdir(parents=True, exist_ok=True)
     program = folder / "yardstick"
@@ -110,9 +113,9 @@ def build(folder: Path) -> Yardstick | None:
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
-        print(f"{compiler} can't be run ({error}): rows beside C++ have no ratio.")
+        print(f"{compiler} can't be run ({error}): rows with C++ have no ratio.")
         return None
     if done.returncode:
-        print(f"{' '.join(command)} failed: rows beside C++ have no ratio.\n{done.stderr[:2000]}")
+        print(f"{' '.join(command)} failed: rows with C++ have no ratio.\n{done.stderr[:2000]}")
         return None
     return Yardstick(program.resolve())

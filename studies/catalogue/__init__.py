@@ -1,1 +1,1 @@
-"""Every entry of the catalogue beside something that nobody here computed."""
+"""Every entry of the catalogue compared with an independent result."""

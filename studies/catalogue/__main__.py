@@ -1,9 +1,9 @@
-"""Every entry of the catalogue beside something that nobody here computed.
+"""Every entry of the catalogue compared with an independent result.
 
     python -m studies.catalogue [--quick] [--output FOLDER]
 
-Prints the table of the README, draws the families that no other study draws, and ends with an error
-if an entry is further off than it may be.
+Prints the tables of the README, draws the families that no other study draws, and ends with an
+error if an entry is further off than allowed.
 """
 
 import argparse
@@ -29,12 +29,12 @@ FAMILIES: dict[str, ModuleType] = {
     "Line contact": cylinders,
     "Friction": frictions,
     "Films": films,
-    "Joints with play": plays,
+    "Clearance joints": plays,
     "Ideal joints and elements": joints,
     "Mechanisms": mechanisms,
-    "Mechanisms with play": mechanisms_with_play,
+    "Mechanisms with clearance": mechanisms_with_play,
 }
-"""What checks each family, and draws it if it has a `figure`."""
+"""Modules that check the families, and draw those with a function `figure`."""
 
 
 def main(arguments: list[str] | None = None) -> None:

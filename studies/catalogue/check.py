@@ -1,14 +1,16 @@
-"""One line of the catalogue: what an entry was compared with, and how far off it is."""
+"""Row of the catalogue: an entry, its comparison and its error."""
 
 from typing import NamedTuple
 
 
 class Check(NamedTuple):
-    """An entry of the catalogue beside something that nobody here computed.
+    """An entry of the catalogue compared with an independent result.
 
-    `entry`: its name in clearjoint; `source`: where its formula is from; `against`: what it is
-    compared with; `error` and `within`: how far off it is, relative unless `against` says
-    otherwise, and how far it may be; `figure`: of the family's picture, or another study's.
+    - `entry`: name in clearjoint.
+    - `source`: source of the formula.
+    - `against`: what it is compared with.
+    - `error`, `within`: error, relative unless `against` says otherwise, and allowed error.
+    - `figure`: Markdown link to a figure.
     """
 
     entry: str
@@ -20,13 +22,13 @@ class Check(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the entry is as near as it has to be."""
+        """Whether the error is within the allowed one."""
         return self.error <= self.within
 
     def cells(self) -> list[str]:
-        """Its row of a table."""
+        """Return the row as text."""
         error = f"{self.error:.1e} of {self.within:.0e}" + ("" if self.holds else " **fails**")
         return [f"`{self.entry}`", self.source, self.against, error, self.figure]
 
 
-HEAD = ["entry", "source", "compared with", "off, of what is allowed", "figure"]
+HEAD = ["entry", "source", "compared with", "error, of the allowed one", "figure"]

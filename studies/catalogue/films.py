@@ -1,4 +1,4 @@
-"""Films of a journal bearing: published loads, closed forms, and where a rotor begins to whirl."""
+"""Films of a journal bearing: published loads, closed forms, and the stability of a rotor."""
 
 import math
 
@@ -14,29 +14,31 @@ from studies.catalogue.check import Check
 
 RADIUS, CLEARANCE, VISCOSITY = 25e-3, 50e-6, 0.02
 SOMMERFELD_NUMBERS = {1.0: (0.8903, 8.4352), 0.5: (0.3124, 5.0881), 0.25: (0.0888, 2.1595)}
-"""By width over diameter, at eccentricity ratios of 0.5 and 0.9."""
+"""Sommerfeld numbers by the ratio of width to diameter, at eccentricity ratios 0.5 and 0.9."""
 STABLE_FROM = 0.756
 """Eccentricity ratio from which a rigid rotor in short bearings is stable at all speeds."""
 FIGURE = "[films](films.png)"
 
 
-def steady(film: cj.AbstractFilm, ratio: float, length: float) -> np.ndarray:
-    """Radial and tangential force in N of a journal that spins by 1 rad/s and stays."""
+def steady(film: cj.extend.AbstractFilm, ratio: float, length: float) -> np.ndarray:
+    """Return radial and tangential force, N, of a fixed journal that spins at 1 rad/s."""
     offset, rate = Vector(ratio, 0.0, 0.0), Vector(0.0, -0.5 * ratio, 0.0)
     axis = Vector(0.0, 0.0, 1.0)
     force = film.force(FilmGap(axis, offset, rate, 0.0, RADIUS, CLEARANCE, length))
     return np.array([float(force.x), float(force.y)])
 
 
-def sommerfeld_number(film: cj.AbstractFilm, ratio: float, width: float) -> float:
-    """Load over width, diameter, viscosity and spin, times the relative clearance squared."""
+def sommerfeld_number(film: cj.extend.AbstractFilm, ratio: float, width: float) -> float:
+    """Return the load over width, diameter, viscosity and spin, times the squared relative
+    clearance.
+    """
     length = 2.0 * RADIUS * width
     unit = 2.0 * RADIUS * length * VISCOSITY * (RADIUS / CLEARANCE) ** 2
     return float(np.linalg.norm(steady(film, ratio, length)) / unit)
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each film; without integrations."""
+    """Check each film, without integrations."""
     del quick
     return [_of_the_short(), _of_the_finite(), _of_the_endless(), _of_the_threshold()]
 
@@ -44,14 +46,14 @@ def checks(quick: bool) -> list[Check]:
 def _of_the_short() -> Check:
     length = 20e-3
     unit = VISCOSITY * RADIUS * length**3 / (4.0 * CLEARANCE**2)
-    found = steady(cj.CaponeFilm(VISCOSITY), 0.5, length) / unit
+    found = steady(cj.films.CaponeFilm(VISCOSITY), 0.5, length) / unit
     off = float(np.abs(found / (-16.0 / 9.0, math.pi * 0.5 / 0.75**1.5) - 1.0).max())
     against = "radial and tangential force at half the clearance: closed form"
     return Check("CaponeFilm", "Capone 1986, 1991", against, off, 1e-12, FIGURE)
 
 
 def _of_the_finite() -> Check:
-    film = cj.ButenschoenFilm(VISCOSITY)
+    film = cj.films.ButenschoenFilm(VISCOSITY)
     off = max(
         abs(sommerfeld_number(film, ratio, width) / expected - 1.0)
         for width, row in SOMMERFELD_NUMBERS.items()
@@ -63,7 +65,7 @@ def _of_the_finite() -> Check:
 
 def _of_the_endless() -> Check:
     length, ratio = 20e-3, 0.6
-    found = steady(cj.PinkusSternlichtFilm(VISCOSITY), ratio, length)
+    found = steady(cj.films.PinkusSternlichtFilm(VISCOSITY), ratio, length)
     found = found / (VISCOSITY * length * RADIUS**3 / CLEARANCE**2)
     square = ratio**2
     radial = -12.0 * square / ((2.0 + square) * (1.0 - square))
@@ -80,13 +82,15 @@ def _bearing() -> cj.LubricatedJoint:
         bearing_radius=RADIUS,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.7, 1e10),
+        law=cj.laws.LankaraniNikravesh(0.7, 1e10),
     )
-    return cj.LubricatedJoint(dry, cj.CaponeFilm(VISCOSITY), transition=1e-6)
+    return cj.LubricatedJoint(dry, cj.films.CaponeFilm(VISCOSITY), transition=1e-6)
 
 
 def fastest_growth(ratio: float, speed: float, mass: float) -> float:
-    """Growth rate, 1/s, of a rotor's whirl about the place of an eccentricity ratio."""
+    """Return the growth rate of a rotor's whirl about its equilibrium at an eccentricity ratio,
+    1/s.
+    """
     length = 20e-3
     scale = VISCOSITY * speed * RADIUS * length**3 / (4.0 * CLEARANCE**2)
     square = ratio**2
@@ -98,13 +102,13 @@ def fastest_growth(ratio: float, speed: float, mass: float) -> float:
 def _of_the_threshold() -> Check:
     edge = brentq(lambda ratio: fastest_growth(ratio, 200.0, 1e6), 0.6, 0.85, xtol=1e-4)
     off = abs(float(np.asarray(edge)) - STABLE_FROM)
-    against = "eccentricity ratio from which no rotor whirls: published"
+    against = "least eccentricity ratio of a stable rotor: published"
     source = "linearised `CaponeFilm`"
     return Check("carried_journal", source, against, off, 6e-4, FIGURE)
 
 
 def critical_mass(ratio: float, speed: float = 200.0) -> float:
-    """Mass in kg from which the rotor whirls; NaN if none does."""
+    """Return the least mass at which the rotor whirls, kg; NaN if none does."""
     if fastest_growth(ratio, speed, 1e6) < 0.0:
         return math.nan
     found = brentq(lambda log: fastest_growth(ratio, speed, math.exp(log)), -12.0, 13.0, xtol=1e-3)
@@ -112,12 +116,15 @@ def critical_mass(ratio: float, speed: float = 200.0) -> float:
 
 
 def figure() -> Figure:
-    """Loads of steady rotation, and the mass from which a rotor whirls."""
+    """Draw loads of steady rotation, and the mass from which a rotor whirls."""
     drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     ratios = np.linspace(0.02, 0.95, 60)
     colours = (style.BLUE, style.VERMILLION, style.GREEN)
     for (width, row), colour in zip(SOMMERFELD_NUMBERS.items(), colours, strict=True):
-        for film, dash in ((cj.ButenschoenFilm(VISCOSITY), "-"), (cj.CaponeFilm(VISCOSITY), ":")):
+        for film, dash in (
+            (cj.films.ButenschoenFilm(VISCOSITY), "-"),
+            (cj.films.CaponeFilm(VISCOSITY), ":"),
+        ):
             numbers = [sommerfeld_number(film, float(ratio), width) for ratio in ratios]
             label = f"B/D = {width:g}" if dash == "-" else None
             left.plot(ratios, numbers, dash, color=colour, label=label)
@@ -149,4 +156,4 @@ def figure() -> Figure:
 
 def _load(ratio: float) -> float:
     length = 20e-3
-    return float(np.linalg.norm(steady(cj.CaponeFilm(VISCOSITY), ratio, length))) * 200.0
+    return float(np.linalg.norm(steady(cj.films.CaponeFilm(VISCOSITY), ratio, length))) * 200.0

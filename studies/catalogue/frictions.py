@@ -1,4 +1,6 @@
-"""Friction: ratios beside printed formulas, bristles beside the closed form of Dahl and LuGre."""
+"""Friction: ratios against printed formulas, and bristles against the closed form of Dahl and
+LuGre.
+"""
 
 from collections.abc import Callable
 
@@ -13,39 +15,39 @@ from clearjoint.plot import style
 from studies.catalogue.check import Check
 
 SLOW, FAST = 0.25, 0.15
-"""Coefficients at breakaway and of sliding."""
+"""Coefficients of friction at breakaway and in sliding."""
 STIFFNESS, STRIBECK_SPEED = 1e5, 0.01
 SPEEDS = np.array([1e-4, 5e-4, 2e-3, 0.01, 0.05, 0.3])
-"""m/s."""
+"""Slip speeds, m/s."""
 FIGURE = "[friction](frictions.png)"
-LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarray]]] = {
+LAWS: dict[str, tuple[cj.extend.AbstractFriction, str, Callable[[np.ndarray], np.ndarray]]] = {
     "RegularisedCoulomb": (
-        cj.RegularisedCoulomb(FAST, 1e-3),
+        cj.frictions.RegularisedCoulomb(FAST, 1e-3),
         "Coulomb",
         lambda v: FAST * np.tanh(v / 1e-3),
     ),
     "LinearCoulomb": (
-        cj.LinearCoulomb(FAST, 1e-3),
+        cj.frictions.LinearCoulomb(FAST, 1e-3),
         "Coulomb",
         lambda v: FAST * np.minimum(v / 1e-3, 1.0),
     ),
     "Threlfall": (
-        cj.Threlfall(FAST, 1e-3),
+        cj.frictions.Threlfall(FAST, 1e-3),
         "Threlfall 1978",
         lambda v: FAST * (1.0 - np.exp(-3.0 * np.minimum(v / 1e-3, 1.0))),
     ),
     "Ambrosio": (
-        cj.Ambrosio(FAST, 1e-4, 1e-3),
+        cj.frictions.Ambrosio(FAST, 1e-4, 1e-3),
         "Ambrósio 2003",
         lambda v: FAST * np.clip((v - 1e-4) / 9e-4, 0.0, 1.0),
     ),
     "Stribeck": (
-        cj.Stribeck(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, regularisation_speed=1e-6),
+        cj.frictions.Stribeck(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, regularisation_speed=1e-6),
         "Stribeck 1902",
         lambda v: _curve(v),
     ),
     "BengisuAkay": (
-        cj.BengisuAkay(SLOW, FAST, breakaway_speed=2e-3, decay=50.0),
+        cj.frictions.BengisuAkay(SLOW, FAST, breakaway_speed=2e-3, decay=50.0),
         "Bengisu, Akay 1994",
         lambda v: np.where(
             v < 2e-3,
@@ -54,7 +56,7 @@ LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarra
         ),
     ),
     "BrownMcPhee": (
-        cj.BrownMcPhee(SLOW, FAST, transition_speed=2e-3),
+        cj.frictions.BrownMcPhee(SLOW, FAST, transition_speed=2e-3),
         "Brown, McPhee 2016",
         lambda v: (
             FAST * np.tanh(4.0 * v / 2e-3)
@@ -62,16 +64,18 @@ LAWS: dict[str, tuple[cj.AbstractFriction, str, Callable[[np.ndarray], np.ndarra
         ),
     ),
 }
-BRISTLES: dict[str, tuple[cj.AbstractBristleFriction, str]] = {
-    "Dahl": (cj.Dahl(FAST, STIFFNESS), "Dahl 1968"),
+BRISTLES: dict[str, tuple[cj.extend.AbstractBristleFriction, str]] = {
+    "Dahl": (cj.frictions.Dahl(FAST, STIFFNESS), "Dahl 1968"),
     "LuGre": (
-        cj.LuGre(SLOW, FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS),
+        cj.frictions.LuGre(
+            breakaway=SLOW, kinetic=FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS
+        ),
         "Canudas de Wit et al. 1995",
     ),
     "ElastoPlastic": (
-        cj.ElastoPlastic(
-            SLOW,
-            FAST,
+        cj.frictions.ElastoPlastic(
+            breakaway=SLOW,
+            kinetic=FAST,
             stribeck_speed=STRIBECK_SPEED,
             stiffness=STIFFNESS,
             elastic_deflection=0.7e-6,
@@ -82,17 +86,17 @@ BRISTLES: dict[str, tuple[cj.AbstractBristleFriction, str]] = {
 
 
 def _curve(v: np.ndarray) -> np.ndarray:
-    """Stribeck's."""
+    """Return Stribeck's curve."""
     return FAST + (SLOW - FAST) * np.exp(-((v / STRIBECK_SPEED) ** 2))
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each friction law."""
+    """Check each friction law."""
     del quick
     rows: list[Check] = []
     for name, (law, source, formula) in LAWS.items():
         off = np.abs(np.asarray(law.ratio(jnp.asarray(SPEEDS))) - formula(SPEEDS)).max() / FAST
-        against = "ratio at six speeds: the printed formula"
+        against = "coefficient at six speeds: the printed formula"
         rows.append(Check(name, source, against, float(off), 1e-12, FIGURE))
     for name in ("Dahl", "LuGre"):
         law, source = BRISTLES[name]
@@ -102,20 +106,22 @@ def checks(quick: bool) -> list[Check]:
 
 
 def deflection(
-    law: cj.AbstractBristleFriction, times: np.ndarray, speed: Callable[[float], float]
+    law: cj.extend.AbstractBristleFriction, times: np.ndarray, speed: Callable[[float], float]
 ) -> np.ndarray:
-    """Deflections (N,) m of a bristle at times (N,) s of a slip at a speed, by SciPy."""
+    """Return deflections (N,), m, of a bristle at times (N,), s, of a slip at constant speed, by
+    SciPy.
+    """
 
     def rate(t: float, z: np.ndarray) -> list[float]:
-        slip = cj.Vector(speed(t), 0.0, 0.0)
-        return [float(law.rate(cj.Vector(float(z[0]), 0.0, 0.0), slip).x)]
+        slip = cj.extend.Vector(speed(t), 0.0, 0.0)
+        return [float(law.rate(cj.extend.Vector(float(z[0]), 0.0, 0.0), slip).x)]
 
     span = (float(times[0]), float(times[-1]))
     return solve_ivp(rate, span, [0.0], "LSODA", times, rtol=1e-9, atol=1e-15).y[0]
 
 
-def _from_closed_form(name: str, law: cj.AbstractBristleFriction) -> float:
-    """How far a deflection from rest is from (g/sigma_0)(1 - exp(-sigma_0 v t/g))."""
+def _from_closed_form(name: str, law: cj.extend.AbstractBristleFriction) -> float:
+    """Check a deflection from rest against (g/sigma_0)(1 - exp(-sigma_0 v t/g))."""
     speed = 5e-3
     level = FAST if name == "Dahl" else float(_curve(np.array(speed)))
     times = np.linspace(0.0, 5.0 * level / (STIFFNESS * speed), 20)
@@ -125,19 +131,19 @@ def _from_closed_form(name: str, law: cj.AbstractBristleFriction) -> float:
 
 
 def _of_elasto_plastic() -> Check:
-    """Where bristles come to rest in slip, and that below their limit they give all back."""
+    """Check the deflection in long slip, and that small deflections are elastic."""
     law, source = BRISTLES["ElastoPlastic"]
     speed = 5e-3
     level = float(_curve(np.array(speed)))
     slid = deflection(law, np.array([0.0, 40.0 * level / (STIFFNESS * speed)]), lambda t: speed)[-1]
     back = deflection(law, np.array([0.0, 2e-4]), lambda t: 6e-3 if t < 1e-4 else -6e-3)[-1]
     off = max(abs(slid * STIFFNESS / level - 1.0), abs(back) / 0.6e-6)
-    against = "deflection of long slip, and none after 0.6 µm and back: closed forms"
+    against = "deflection in long slip, and none after 0.6 µm and back: closed forms"
     return Check("ElastoPlastic", source, against, float(off), 1e-6, FIGURE)
 
 
 def figure() -> Figure:
-    """Ratios against slip speed, and loops of bristles in a slip to and fro."""
+    """Draw ratios against slip speed, and loops of bristles in alternating slip."""
     drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     speeds = np.geomspace(1e-5, 0.3, 400)
     colours = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.DARK, "#E69F00")
@@ -154,7 +160,7 @@ def figure() -> Figure:
         ratio = [
             float(law.ratio(z, law.rate(z, slip), slip).x)
             for z, slip in (
-                (cj.Vector(float(z), 0.0, 0.0), cj.Vector(float(v), 0.0, 0.0))
+                (cj.extend.Vector(float(z), 0.0, 0.0), cj.extend.Vector(float(v), 0.0, 0.0))
                 for z, v in zip(found, slips, strict=True)
             )
         ]

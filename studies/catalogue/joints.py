@@ -1,4 +1,4 @@
-"""Ideal joints, drives and elements: motions in closed form, of all of them in one run."""
+"""Ideal joints, drives and elements against closed forms, all in one run."""
 
 import math
 from typing import Any
@@ -17,21 +17,21 @@ from studies.catalogue.overlay import Compared, legend, overlay
 SETTINGS = cj.Settings(rtol=1e-10, atol=1e-10, stabilisation=cj.Projection())
 END = 10.0
 TIMES = np.append(np.linspace(0.0, 3.0, 601), [9.99, END])
-"""s."""
+"""Saved times, s."""
 PENDULUM = ((-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099))
-"""The IFToMM benchmark A01 at the last two times, m."""
+"""Positions of the IFToMM benchmark A01 at the last two times, m."""
 FIGURE = "[joints](joints.png)"
 
 
 def run() -> dict[str, cj.BodyState]:
-    """The motion of all machines."""
+    """Return the motion of all machines."""
     scene, state = of.machines()
     save = cj.Saving(TIMES)
     return cj.simulate(scene, state, END, SETTINGS, save, progress=False).states.bodies
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each joint, drive and element; none is quick."""
+    """Check each joint, drive and element; none is quick."""
     if quick:
         return []
     bodies = run()
@@ -43,8 +43,8 @@ def checks(quick: bool) -> list[Check]:
         _row("GearJoint", "teeth", "speeds under a torque", *gears(bodies)),
         _row("PlanarJoint", "a plate on a slope", "its path", *plate(bodies)),
         _row("PrescribedTranslation, PrismaticJoint", "a pusher", "the cart", *cart(bodies)),
-        _row("DistanceJoint", "IFToMM A01", "a pendulum near 10 s: benchmark", *rod(bodies)),
-        _row("Bushing", "an elastic liner", "place of a body in it", *cushioned(bodies)),
+        _row("DistanceJoint", "IFToMM A01", "pendulum near 10 s: benchmark", *rod(bodies)),
+        _row("Bushing", "an elastic liner", "position of a body in it", *cushioned(bodies)),
         _row("TorsionalSpring", "a damped oscillator", "angle", *sprung(bodies)),
         _row("Motor", "PD, clipped", "speed: SciPy's DOP853", *driven(bodies)),
     ]
@@ -57,64 +57,64 @@ def _row(entry: str, source: str, what: str, found: np.ndarray, expected: np.nda
 
 
 def cardan(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Speed of the shaft behind a universal joint, and Hooke's."""
+    """Return the speed of the shaft behind a universal joint, and Hooke's formula."""
     angle = of.DRIVE[0] + TIMES * (of.DRIVE[1] + TIMES * of.DRIVE[2])
     speed = of.DRIVE[1] + 2.0 * of.DRIVE[2] * TIMES
     return np.asarray(bodies["tilted"].spin)[:, 2], speed * of.hooke(angle, of.TILT)[1]
 
 
 def nut(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Height of a nut on its spindle."""
+    """Return the height of a nut on its spindle, and its closed form."""
     heavier = 1.0 + of.NUT_INERTIA * (2.0 * math.pi / of.LEAD) ** 2 / of.NUT
     return np.asarray(bodies["nut"].position)[:, 1], -0.5 * of.GRAVITY / heavier * TIMES**2
 
 
 def gears(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Speeds of two gears under a torque on the first."""
+    """Return the speeds of two gears under a torque on the first, and their closed form."""
     acceleration = of.TORQUE / (of.PINION + of.WHEEL / 9.0)
     spins = [np.asarray(bodies[name].spin)[:, 2] for name in ("pinion", "wheel")]
     return np.stack(spins), acceleration * np.stack([TIMES, -TIMES / 3.0])
 
 
 def plate(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Path of a plate on a slope, in the slope's axes."""
+    """Return the path of a plate on a slope in the slope's axes, and its closed form."""
     down = of.SLOPE.inv().apply((0.0, -of.GRAVITY, 0.0)) * (1.0, 1.0, 0.0)
     path = np.outer(TIMES, (1.0, 2.0, 0.0)) + 0.5 * np.outer(TIMES**2, down)
     return of.SLOPE.inv().apply(np.asarray(bodies["plate"].position)), path
 
 
 def cart(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Place of a cart that is pushed to and fro."""
+    """Return the position of a cart that a driver moves to and fro, and its closed form."""
     return np.asarray(bodies["cart"].position)[:, 0], of.STROKE * np.cos(of.PACE * TIMES)
 
 
 def rod(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Where a ball on a rod is after some time."""
+    """Return the positions of a ball on a rod, and the benchmark's."""
     return np.asarray(bodies["ball"].position)[-2:, :2], np.array(PENDULUM)
 
 
 def cushioned(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Place of a body that a liner lets swing."""
+    """Return the position of a body on an elastic liner, and its closed form."""
     swing = away(0.5 * of.SOFTENING / of.CUSHIONED, of.SOFTNESS / of.CUSHIONED)
     return np.asarray(bodies["cushioned"].position)[:, 0], of.SHIFT * swing
 
 
 def away(decay: float, square: float) -> np.ndarray:
-    """A damped oscillation from rest at one, of a square frequency without damping."""
+    """Return a damped oscillation from rest at one; `square` is the squared undamped frequency."""
     pace = math.sqrt(square - decay**2)
     swing = np.cos(pace * TIMES) + decay / pace * np.sin(pace * TIMES)
     return np.exp(-decay * TIMES) * swing
 
 
 def sprung(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Angle of a rotor on a torsional spring."""
+    """Return the angle of a rotor on a torsional spring, and its closed form."""
     swing = away(0.5 * of.DAMPING / of.ROTOR, of.STIFFNESS / of.ROTOR)
     turned = np.asarray(bodies["sprung"].orientation)
     return 2.0 * np.arctan2(turned[:, 3], turned[:, 0]), of.REST + of.RELEASED * swing
 
 
 def driven(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
-    """Speed of a rotor that a motor turns to its target, within its limit."""
+    """Return the speed of a rotor that a motor turns to its target, and SciPy's."""
     width = 0.02 * of.LIMIT
 
     def clipped(wanted: float) -> float:
@@ -132,7 +132,7 @@ def driven(bodies: dict[str, cj.BodyState]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def figure() -> Figure:
-    """Four of the motions, found and in closed form."""
+    """Draw four of the motions and their closed forms."""
     bodies = run()
     drawn, panels = plt.subplots(2, 2, figsize=(10.0, 6.0), layout="constrained", sharex=True)
     shown = {

@@ -1,4 +1,4 @@
-"""One of each ideal joint and drive, beside each other in one scene."""
+"""One of each ideal joint and drive in one scene."""
 
 import math
 from typing import Any
@@ -14,8 +14,9 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def hooke(angle: Any, tilt: float) -> tuple[Any, Any]:
-    """Angle and speed ratio of the second shaft of a universal joint, for an angle of the first
-    from where its arm lies in the shafts' plane."""
+    """Return angle and speed ratio of the second shaft of a universal joint, for an angle of the
+    first from the plane of the shafts.
+    """
     turned = np.arctan2(np.sin(angle) / np.cos(tilt), np.cos(angle))
     return turned, np.cos(tilt) / (1.0 - (np.sin(tilt) * np.cos(angle)) ** 2)
 
@@ -35,8 +36,8 @@ AIM = cj.Polynomial([TARGET])
 """The motor's constant target, rad."""
 
 
-def machines(target: cj.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
-    """One of each, beside each other in the same gravity along -Y; the motor follows a target."""
+def machines(target: cj.extend.AbstractFunctionOfTime = AIM) -> tuple[cj.Scene, cj.State]:
+    """Return one of each, in the same gravity along -Y; the motor follows a target."""
     scene = cj.Scene(_bodies(), _joints(), _forces(target), (0.0, -GRAVITY, 0.0))
     return scene, cj.State(_states())
 
@@ -58,9 +59,9 @@ def _bodies() -> dict[str, cj.Body]:
     }
 
 
-def _joints() -> dict[str, cj.AbstractConstraint]:
+def _joints() -> dict[str, cj.extend.AbstractConstraint]:
     far, normal = SHAFT.apply(Z), SLOPE.apply(Z)
-    bearings: dict[str, cj.AbstractConstraint] = {
+    bearings: dict[str, cj.extend.AbstractConstraint] = {
         f"{name} bearing": cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z)
         for name in ("shaft", "pinion", "wheel", "sprung", "driven")
     }
@@ -79,7 +80,7 @@ def _joints() -> dict[str, cj.AbstractConstraint]:
     }
 
 
-def _forces(target: cj.AbstractFunctionOfTime) -> dict[str, cj.AbstractForce]:
+def _forces(target: cj.extend.AbstractFunctionOfTime) -> dict[str, cj.extend.AbstractForce]:
     return {
         "torque": cj.DriveTorque("ground", "pinion", Z, TORQUE),
         "spring": cj.TorsionalSpring("ground", "sprung", Z, STIFFNESS, DAMPING, REST),
@@ -124,5 +125,5 @@ def _states() -> dict[str, cj.BodyState]:
 
 
 def quaternion(angle: float) -> np.ndarray:
-    """Euler parameters of a turn about Z."""
+    """Return the Euler parameters of a rotation about Z."""
     return np.array([math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])

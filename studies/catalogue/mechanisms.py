@@ -1,4 +1,4 @@
-"""Mechanisms: published values and closed forms, and the first impacts of an event-exact solver."""
+"""Mechanisms against published values, closed forms and an event-exact solver."""
 
 import diffrax
 import matplotlib.pyplot as plt
@@ -18,18 +18,18 @@ FIRST_IMPACTS = {
     "entry_speed": (0.09905, 0.09028, 0.08209),
     "peak_force": (1466.4, 1313.6),
 }
-"""Of the paper's pendulum: s, m/s and N of a base."""
+"""First impacts of the paper's pendulum: s, m/s and N of a base."""
 
 LENGTHS = (0.1, 0.3, 0.25, 0.3)
-"""Of the four-bar: crank, coupler, rocker and ground, m."""
+"""Lengths of the four-bar: crank, coupler, rocker and ground, m."""
 TIP = (0.328458111536, 0.944518538180)
-"""Of the double four-bar's first rod after 10 s, m."""
+"""Tip of the double four-bar's first rod after 10 s, m."""
 CORNERS = {
     0.5: (0.7747178080, -0.9798150477, -0.1999061590),
     1.0: (0.2744813193, -0.8867079387, -0.4623300027),
     2.0: (-0.7781353730, -0.9803526834, -0.1972526706),
 }
-"""Of Bricard's mechanism, m, at times in s."""
+"""Corner of Bricard's mechanism, m, at times in s."""
 SQUEEZED = (
     15.81077119629904,
     -15.75637105984298,
@@ -44,38 +44,38 @@ FIGURE = "[mechanisms](mechanisms.png)"
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each mechanism; none is quick."""
+    """Check each mechanism; none is quick."""
     if quick:
         return []
     return [_double_pendulum(), _double_four_bar(), _bricard(), _squeezer(), _four_bar()]
 
 
 def path(scene: cj.Scene, state: cj.State, times: np.ndarray) -> dict[str, cj.BodyState]:
-    """The bodies at times (T,) s; the last one is the end of the run."""
+    """Return the bodies at times (T,), s; the last time is the end of the run."""
     save = cj.Saving(times)
     return cj.simulate(scene, state, times[-1], TIGHT, save, progress=False).states.bodies
 
 
-def place(body: cj.BodyState, local: tuple[float, float, float]) -> np.ndarray:
-    """Where a point of a body (body axes) is, (3, T) m."""
+def position(body: cj.BodyState, local: tuple[float, float, float]) -> np.ndarray:
+    """Return the positions of a point given in body axes, (3, T) m."""
     turns = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
     return (np.asarray(body.position) + turns.apply(local)).T
 
 
 def turned(body: cj.BodyState) -> np.ndarray:
-    """Angle of a body about Z, (T,) rad."""
+    """Return the angle of a body about Z, (T,) rad."""
     orientation = np.asarray(body.orientation)
     return 2.0 * np.arctan2(orientation[:, 3], orientation[:, 0])
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Angles in rad, less whole turns: between -pi and pi."""
+    """Return angles between -pi and pi, rad."""
     return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
 
 
 def _double_pendulum() -> Check:
     impacts = cj.simulate(
-        *cj.double_pendulum(), 0.06, save=cj.Saving(impacts=True), progress=False
+        *cj.mechanisms.double_pendulum(), 0.06, save=cj.Saving(impacts=True), progress=False
     ).impacts
     assert impacts is not None
     base = impacts.of("shoulder", "V")
@@ -89,10 +89,13 @@ def _double_pendulum() -> Check:
 
 
 def double_four_bar() -> Compared:
-    """Tip of the first rod, m, over time, s. With all five rods parallel they are a pendulum, which
-    starts on top at 1 rad/s: its angle is Jacobi's amplitude."""
+    """Return the tip of the first rod, m, over time, s.
+
+    With all five rods parallel the mechanism is a pendulum, which starts on top at 1 rad/s: its
+    angle is Jacobi's amplitude.
+    """
     times = np.linspace(0.0, 10.0, 401)
-    tip = place(path(*cj.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
+    tip = position(path(*cj.mechanisms.double_four_bar(), times)["rod 1"], (0.5, 0.0, 0.0))[:2]
     square = 3.5 * 9.81 / 3.0
     below = np.sqrt(1.0 + 4.0 * square)
     modulus = 4.0 * square / below**2
@@ -108,9 +111,9 @@ def _double_four_bar() -> Check:
 
 
 def bricard() -> Compared:
-    """A corner of Bricard's mechanism, m, over time, s."""
+    """Return a corner of Bricard's mechanism, m, over time, s."""
     times = np.linspace(0.0, 2.0, 101)
-    corner = place(path(*cj.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
+    corner = position(path(*cj.mechanisms.bricard(), times)["rod 2"], (0.0, -0.5, 0.0))
     return Compared(times, corner, np.array(list(CORNERS)), np.transpose(list(CORNERS.values())))
 
 
@@ -120,9 +123,9 @@ def _bricard() -> Check:
 
 
 def squeezer() -> Compared:
-    """The seven angles of Andrews' mechanism, rad, less whole turns, over time, ms."""
+    """Return the seven angles of Andrews' mechanism between -pi and pi, rad, over time, ms."""
     times = np.linspace(0.0, 0.03, 301)
-    bodies = path(*cj.andrews_squeezer(), times)
+    bodies = path(*cj.mechanisms.andrews_squeezer(), times)
     k = np.stack([turned(bodies[f"K{n}"]) for n in range(1, 8)])
     angles = k - np.stack([0.0 * k[0], k[0], 0.0 * k[0], k[4], 0.0 * k[0], k[6], 0.0 * k[0]])
     end = wrapped(np.array(SQUEEZED))[:, None]
@@ -137,10 +140,13 @@ def _squeezer() -> Check:
 
 
 def four_bar() -> Compared:
-    """Angle of the rocker over that of the crank, rad: Freudenstein's equation
-    K1 cos(rocker) - K2 cos(crank) + K3 = cos(crank - rocker), solved for the rocker."""
+    """Return the angle of the rocker over that of the crank, rad.
+
+    Freudenstein's equation K1 cos(rocker) - K2 cos(crank) + K3 = cos(crank - rocker) is solved for
+    the rocker.
+    """
     times = np.linspace(0.0, 1.2, 241)
-    bodies = path(*cj.four_bar(lengths=LENGTHS, speed=5.0), times)
+    bodies = path(*cj.mechanisms.four_bar(lengths=LENGTHS, speed=5.0), times)
     crank, rocker = np.unwrap(turned(bodies["crank"])), turned(bodies["rocker"])
     a, b, c, d = LENGTHS
     ratios = d / a, d / c, (a * a - b * b + c * c + d * d) / (2.0 * a * c)
@@ -155,7 +161,7 @@ def _four_bar() -> Check:
 
 
 def figure() -> Figure:
-    """Motions of the mechanisms whose values are published or known in closed form."""
+    """Draw motions of the mechanisms and their published values or closed forms."""
     drawn, panels = plt.subplots(2, 2, figsize=(10.0, 6.8), layout="constrained")
     (left, right), (below, last) = panels
     overlay(left, double_four_bar(), "xy", every=10)

@@ -1,4 +1,6 @@
-"""Mechanisms made for play: without it beside closed forms, the rotor beside its film's balance."""
+"""Mechanisms for joints with clearance: ideal ones against closed forms, the rotor against its
+film.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,28 +14,28 @@ from studies.catalogue.overlay import Compared, legend, overlay
 
 FINE = cj.Settings(rtol=1e-10, atol=1e-12)
 GRAVITY_LOADS = (0.0, 31.6399, 6.0351)
-"""Of the arm's three joints in its nominal pose, N m."""
+"""Static loads of the arm's three joints in its nominal pose, N m."""
 CLEARANCE = 50e-6
-"""Of the rotor's bearing, m."""
+"""Clearance of the rotor's bearing, m."""
 WEAR_COEFFICIENT, HARDNESS = 1e-5, 2e9
-"""Archard's, and that of the softer side, Pa."""
-FIGURE = "[mechanisms with play](mechanisms_with_play.png)"
+"""Archard's wear coefficient, and hardness of the softer side, Pa."""
+FIGURE = "[mechanisms with clearance](mechanisms_with_play.png)"
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each mechanism; none is quick."""
+    """Check each mechanism; none is quick."""
     return [] if quick else [_quick_return(), _spatial_four_bar(), _robot_arm(), _rotor(), _wear()]
 
 
 def turned(body: cj.BodyState, axis: int) -> np.ndarray:
-    """Angle of a body about a coordinate axis, rad, at the saved times."""
+    """Return the angle of a body about a coordinate axis at the saved times, rad."""
     orientation = np.asarray(body.orientation)
     return 2.0 * np.arctan2(orientation[:, axis], orientation[:, 0])
 
 
 def quick_return() -> Compared:
-    """Angle of the lever over that of the crank, rad."""
-    scene, state = cj.quick_return(None, angle=0.3)
+    """Return the angle of the lever over that of the crank, rad."""
+    scene, state = cj.mechanisms.quick_return(None, angle=0.3)
     crank = np.linspace(0.3, 6.3, 61)
     save = cj.Saving((crank - 0.3) / 10.0)
     lever = cj.simulate(scene, state, 0.6, FINE, save, progress=False).states.bodies["lever"]
@@ -47,9 +49,12 @@ def _quick_return() -> Check:
 
 
 def spatial_four_bar() -> Compared:
-    """Angle of the rocker over that of the crank, rad, by the closure of the loop:
-    d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r), d from the rocker's axis to the crank."""
-    scene, state = cj.spatial_four_bar(None, speed=40.0)
+    """Return the angle of the rocker over that of the crank, rad.
+
+    The closure of the loop gives d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r), with d from the
+    rocker's axis to the crank.
+    """
+    scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
     save = cj.Saving(np.linspace(0.0, 0.3, 61))
     bodies = cj.simulate(scene, state, 0.3, FINE, save, progress=False).states.bodies
     crank = np.unwrap(turned(bodies["crank"], 1))
@@ -68,8 +73,8 @@ def _spatial_four_bar() -> Check:
 
 
 def gravity_loads() -> np.ndarray:
-    """What gravity asks of the arm's motors, (3,) N m."""
-    scene, state = cj.robot_arm(play=None)
+    """Return the loads of gravity on the arm's motors, (3,) N m."""
+    scene, state = cj.mechanisms.robot_arm(play=None)
     held = cj.simulate(scene, state, 1e-6, save=cj.Saving([0.0]), progress=False)
     reactions = cj.observe(scene, held).reactions
     moments = [reactions[f"motor {k}"][f"link {k}"].moment[0] for k in (1, 2, 3)]
@@ -78,14 +83,15 @@ def gravity_loads() -> np.ndarray:
 
 def _robot_arm() -> Check:
     off = float(np.abs(gravity_loads() - GRAVITY_LOADS).max())
-    against = "what gravity asks of the motors, N m: Corke's toolbox, four digits"
+    against = "static loads of the motors, N m: Corke's toolbox, four digits"
     return Check("robot_arm", "PUMA 560; Corke 2017", against, off, 6e-5, FIGURE)
 
 
 def rotor_path() -> tuple[np.ndarray, np.ndarray]:
-    """Path (T, 2) of a journal from the wall to where its film carries it, and that place (2,) by
-    the film's balance, both in clearances."""
-    scene, state = cj.rotor_in_bearing(CLEARANCE, film=cj.CaponeFilm(0.02))
+    """Return the path of a journal from the wall to its equilibrium, (T, 2), and that equilibrium
+    by the film's balance, (2,), both in clearances.
+    """
+    scene, state = cj.mechanisms.rotor_in_bearing(CLEARANCE, film=cj.films.CaponeFilm(0.02))
     bearing = scene.joints["bearing"]
     assert isinstance(bearing, cj.LubricatedJoint)
     weight = 9.81 * float(np.asarray(scene.bodies["rotor"].mass))
@@ -99,25 +105,26 @@ def rotor_path() -> tuple[np.ndarray, np.ndarray]:
 def _rotor() -> Check:
     path, carried = rotor_path()
     off = float(np.abs(path[-1] - carried).max())
-    against = "where a rotor floats to from the wall, clearances: the film's balance"
+    against = "equilibrium of a rotor, clearances: the film's balance"
     entry = "LubricatedJoint, rotor_in_bearing"
     return Check(entry, "a rigid rotor", against, off, 1e-5, FIGURE)
 
 
 def worn() -> Compared:
-    """Volume worn, 1e3 µm^3, by a rotor that turns where the wall carries it, over its sliding
-    distance, m: V = k F s/H."""
+    """Return the worn volume, 1e3 µm^3, over the sliding distance, m, of a rotor on the wall: V = k
+    F s/H.
+    """
     stiffness, end = 1e10, 0.02
     speeds = np.array([50.0, 100.0, 150.0, 200.0])
-    scene, state = cj.rotor_in_bearing(CLEARANCE, law=cj.Hertz(stiffness))
+    scene, state = cj.mechanisms.rotor_in_bearing(CLEARANCE, law=cj.laws.Hertz(stiffness))
     load = 9.81 * float(np.asarray(scene.bodies["rotor"].mass))
     depth = (0.5 * load / stiffness) ** (2.0 / 3.0)
     wear = cj.ArchardWear("bearing", WEAR_COEFFICIENT, HARDNESS)
     volumes = []
     for speed in speeds:
         offset = (0.0, -1.0 - depth / CLEARANCE)
-        _, state = cj.rotor_in_bearing(
-            CLEARANCE, speed=speed, offset=offset, law=cj.Hertz(stiffness)
+        _, state = cj.mechanisms.rotor_in_bearing(
+            CLEARANCE, speed=speed, offset=offset, law=cj.laws.Hertz(stiffness)
         )
         axis = cj.Axis(lambda scene: scene.joints["motor"].speed, np.array([speed]))
         swept = cj.sweep(scene, state, end, {"speed": axis}, {"wear": wear}, progress=False)
@@ -130,12 +137,12 @@ def worn() -> Compared:
 def _wear() -> Check:
     compared = worn()
     off = float(np.abs(compared.found / compared.expected - 1.0).max())
-    against = "volume worn by a rotor that lies on the wall at four speeds: closed form"
+    against = "worn volume of a rotor on the wall at four speeds: closed form"
     return Check("ArchardWear", "Archard 1953", against, off, 1e-4, FIGURE)
 
 
 def figure() -> Figure:
-    """Motions, loads and wear beside what is known of them."""
+    """Draw motions, loads and wear with their expected values."""
     drawn, panels = plt.subplot_mosaic(
         [
             ["lever", "lever", "rocker", "rocker", "loads", "loads"],

@@ -1,4 +1,4 @@
-"""A panel of a catalogue figure: what clearjoint finds, and dots of what is expected."""
+"""Panel of a catalogue figure: results as lines, expected values as dots."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,10 +11,10 @@ from clearjoint.plot import style
 
 
 class Compared(NamedTuple):
-    """Curves beside what they should be.
+    """Curves and their expected values.
 
-    - `at`, `found`: (T,) abscissae of C curves (C, T).
-    - `expected_at`, `expected`: (E,) abscissae of the values (C, E) that nobody here computed.
+    - `at`, `found`: abscissae (T,) and values of C curves, (C, T).
+    - `expected_at`, `expected`: abscissae (E,) and independent values, (C, E).
     """
 
     at: np.ndarray
@@ -24,17 +24,17 @@ class Compared(NamedTuple):
 
     @staticmethod
     def along(at: np.ndarray, found: np.ndarray, expected: np.ndarray) -> "Compared":
-        """Curves whose expected values, (C, T) or (T,), are known at all of their abscissae."""
+        """Return curves with expected values, (C, T) or (T,), at all abscissae."""
         return Compared(at, np.atleast_2d(found), at, np.atleast_2d(expected))
 
     def off(self) -> float:
-        """The largest difference, where the expected abscissae are among those of the curves."""
+        """Return the largest difference at the expected abscissae, which the curves must have."""
         places = np.abs(self.at - self.expected_at[:, None]).argmin(axis=1)
         return float(np.abs(self.found[:, places] - self.expected).max())
 
 
 def overlay(axes: Axes, compared: Compared, names: Sequence[str] = (), every: int = 1) -> None:
-    """Draw curves, named at their ends if there are several, and every so many expected values."""
+    """Draw curves with their names at the ends, and a part of the expected values."""
     for k, (found, expected) in enumerate(zip(compared.found, compared.expected, strict=True)):
         axes.plot(compared.at, found, color=style.BLUE, label="clearjoint" if k == 0 else None)
         axes.plot(
@@ -51,6 +51,6 @@ def overlay(axes: Axes, compared: Compared, names: Sequence[str] = (), every: in
 
 
 def legend(drawn: Figure, axes: Axes) -> None:
-    """The legend of all panels, below them."""
+    """Draw the legend of all panels below them."""
     handles = axes.get_legend_handles_labels()
     drawn.legend(*handles, loc="outside lower center", ncols=len(handles[0]), frameon=False)

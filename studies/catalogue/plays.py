@@ -1,4 +1,4 @@
-"""Joints with play: flights, rebounds and impacts whose numbers are known in closed form."""
+"""Clearance joints: flights, rebounds and impacts against closed forms."""
 
 import math
 from typing import Any
@@ -16,33 +16,33 @@ TIGHT = cj.Settings(rtol=1e-10, atol=1e-12)
 GRAVITY = 9.81
 HERE, Z_AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 INERTIAS, PLAY, RADIUS, SPEED = (1e-3, 4e-3), 2e-3, 0.05, 2.0
-"""Of two shafts: kg m^2, rad, m and rad/s."""
+"""Two shafts: moments of inertia, kg m^2, backlash, rad, radius, m, and speed, rad/s."""
 FIRST_TOUCH = 0.002692503
-"""Of Siconos' slider-crank, whose slider has play in its guide, s."""
-FIGURE = "[plays](plays.png)"
+"""First touch of Siconos' slider-crank, whose slider has clearance in its guide, s."""
+FIGURE = "[clearance joints](plays.png)"
 
 
 def checks(quick: bool) -> list[Check]:
-    """Each play; none is quick."""
+    """Check each clearance joint; none is quick."""
     if quick:
         return []
     return [_backlash(), _gears(), _ball(), _pin(), _slider(), _clearance()]
 
 
-def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.Impacts:
-    """Those of a run."""
+def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.results.Impacts:
+    """Return the impacts of a run."""
     run = cj.simulate(scene, state, end, TIGHT, cj.Saving(impacts=True), progress=False)
     assert run.impacts is not None
     return run.impacts
 
 
 def off(found: Any, expected: Any) -> float:
-    """The largest relative difference."""
+    """Return the largest relative difference."""
     return float(np.abs(np.asarray(found) / np.asarray(expected) - 1.0).max())
 
 
 def shafts(restitution: float) -> tuple[cj.Scene, cj.State]:
-    """Two shafts on one axis with backlash between them, of which one turns."""
+    """Return two shafts on one axis with backlash between them, the first turning."""
     bodies = {
         name: cj.Body(1.0, (5e-3, 5e-3, inertia))
         for name, inertia in zip("ab", INERTIAS, strict=True)
@@ -50,7 +50,7 @@ def shafts(restitution: float) -> tuple[cj.Scene, cj.State]:
     joints: dict[str, Any] = {
         name: cj.RevoluteJoint("ground", name, HERE, HERE, Z_AXIS, Z_AXIS) for name in "ab"
     }
-    law = cj.ExactRestitution(restitution=restitution, stiffness=1e8, exponent=1.0)
+    law = cj.laws.ExactRestitution(restitution=restitution, stiffness=1e8, exponent=1.0)
     joints["play"] = cj.Backlash("b", "a", play=PLAY, radius=RADIUS, law=law)
     states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
     return cj.Scene(bodies, joints), cj.State(states)
@@ -61,24 +61,24 @@ def _backlash() -> Check:
     entries = RADIUS * SPEED * 0.6 ** np.arange(len(hits))
     flights = hits.onset[1:] - hits.separation[:-1]
     largest = max(off(hits.entry_speed, entries), off(flights, RADIUS * PLAY / entries[1:]))
-    against = "speeds and flights of two shafts that hit each other: closed forms"
+    against = "speeds and flights of two shafts: closed forms"
     return Check("Backlash", "Nordin, Gutman 2002", against, largest, 1e-6, FIGURE)
 
 
 def _gears() -> Check:
-    hits = impacts(*cj.gear_pair(backlash=1e-4, restitution=0.8), 0.02)
+    hits = impacts(*cj.mechanisms.gear_pair(backlash=1e-4, restitution=0.8), 0.02)
     base_radius = 20 * 0.5 * 3e-3 * math.cos(math.radians(20.0))
     entries = 10.0 * base_radius * 0.8 ** np.arange(len(hits))
     flights = hits.onset[1:] - hits.separation[:-1]
     expected = 1e-4 * math.cos(math.radians(20.0)) / entries[1:]
     largest = max(off(hits.entry_speed, entries), off(flights, expected))
-    against = "speeds and flights of two gears in their backlash: closed forms"
+    against = "speeds and flights of two gears with backlash: closed forms"
     return Check("GearBacklash, gear_pair", "involute gears", against, largest, 1e-6, FIGURE)
 
 
 def _ball() -> Check:
     clearance, restitution = 0.2e-3, 0.7
-    law = cj.ExactRestitution(restitution, 1e16)
+    law = cj.laws.ExactRestitution(restitution, 1e16)
     joint = cj.BallInSocket("ground", "b", socket_radius=10e-3, clearance=clearance, law=law)
     body = cj.Body(2.0, (1e-3, 1e-3, 1e-3))
     scene = cj.Scene({"b": body}, {"joint": joint}, gravity=(0.0, -GRAVITY, 0.0))
@@ -94,7 +94,7 @@ def _ball() -> Check:
 
 def _pin() -> Check:
     speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
-    joint = cj.PinInSlot("ground", "b", play=play, pin_radius=5e-3, law=cj.Hertz(stiffness))
+    joint = cj.PinInSlot("ground", "b", play=play, pin_radius=5e-3, law=cj.laws.Hertz(stiffness))
     scene = cj.Scene({"b": cj.Body(mass, (1e-4, 1e-4, 1e-4))}, {"joint": joint})
     state = cj.State({"b": cj.body_state(HERE, velocity=(0.3, speed, 0.0))})
     hits = impacts(scene, state, 0.012)
@@ -108,7 +108,7 @@ def _pin() -> Check:
 
 
 def _slider() -> Check:
-    scene, state = cj.guided_slider_crank()
+    scene, state = cj.mechanisms.guided_slider_crank()
     hits = impacts(scene, state, 4e-3)
     against = "first touch in Siconos' example, s: converged independent solution"
     source = "Flores, Leine, Glocker 2010"
@@ -118,14 +118,14 @@ def _slider() -> Check:
 
 def _clearance() -> Check:
     clearance = 0.5e-3
-    hits = impacts(*cj.double_pendulum(clearance), 0.012)
+    hits = impacts(*cj.mechanisms.double_pendulum(clearance), 0.012)
     largest = off(hits.onset[0], math.sqrt(2.0 * clearance / GRAVITY))
     against = "fall of the journal to the wall: closed form"
     return Check("ClearanceJoint", "the paper", against, largest, 1e-7, FIGURE)
 
 
 def figure() -> Figure:
-    """Two shafts in their backlash: the angle between them, and the energy that is left."""
+    """Draw the relative angle and the remaining energy of two shafts with backlash."""
     drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     times = np.linspace(0.0, 0.012, 1500)
     for restitution, colour in ((1.0, style.BLUE), (0.6, style.VERMILLION)):

@@ -1,1 +1,1 @@
-"""What the size of the clearance does to the double pendulum."""
+"""Effect of the clearance on the double pendulum."""

@@ -1,19 +1,22 @@
-"""What the size of the clearance does to the paper's double pendulum.
+"""Effect of the clearance on the paper's double pendulum.
+
+    python -m studies.clearance_sweep sweep
+
+map
+
+limit [--quick] [--output FOLDER]
 
 The double pendulum of P. Flores, J. Ambrosio, J. C. P. Claro and H. M. Lankarani, "Spatial revolute
-joints with clearances for dynamic analysis of multi-body systems" (2006), section 6, over its
-clearance, over clearance and restitution, and towards no clearance at all:
+joints with clearances for dynamic analysis of multi-body systems" (2006), section 6, is simulated
+over its clearance, over clearance and restitution, and for clearances that tend to zero. Results
+are stored during the run: an interrupted command continues, and a finished one only draws again.
+`clearjoint.open_sweep` reads the stores.
 
-    python -m studies.clearance_sweep sweep | map | limit [--quick] [--output FOLDER]
-
-Results are stored as they come: a command that was interrupted continues, and one that was finished
-only draws again. `clearjoint.open_sweep` reads the stores.
-
-Nothing drives the pendulum, so that no motion repeats: what is drawn is half a second of a decaying
-transient. In place of a stroboscopic section, which needs a period, the bifurcation diagram takes
-the section of impact oscillators: a base at the wall, on its way in. Its coordinates are in units
-of the first impact's speed and time, sqrt(2 g c) and sqrt(2 c / g); a feature that does not
-depend on the clearance is a level line in it, and chaos a cloud.
+Nothing drives the pendulum, so that no motion repeats: the figures show half a second of a decaying
+transient. A stroboscopic section needs a period; the bifurcation diagram uses instead the section
+of impact oscillators: a base at the wall that moves outward. Its coordinates are relative to the
+speed and time of the first impact, sqrt(2 g c) and sqrt(2 c / g): a feature that does not depend on
+the clearance is a horizontal line, and chaos a cloud.
 """
 
 import argparse

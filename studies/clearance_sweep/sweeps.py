@@ -26,32 +26,32 @@ DURATION, QUICK_DURATION = 0.5, 0.2
 FREE_FALLS = 12.0
 """Length of the saved orbits, in times of the journal's first free fall to the wall."""
 ORBITS = (0.05e-3, 0.2e-3, 1e-3)
-"""Clearances whose orbits are drawn, m."""
+"""Clearances of the drawn orbits, m."""
 MEDIAN = 15
-"""Lanes whose median is drawn through the points."""
+"""Number of lanes of a moving median."""
 TRANSITION = 0.3e-3
-"""Where the growth of the dissipated energy with the clearance slackens, m."""
+"""Clearance above which the dissipated energy grows more slowly, m."""
 LOSSY = 0.8
-"""Up to which restitution impacts take nearly all the energy they can."""
+"""Restitution up to which impacts dissipate nearly the same energy."""
 
 
 def clearance_axis(values: Any) -> cj.Axis:
-    """Radial clearances of the shoulder, m."""
+    """Return the axis of radial clearances of the shoulder, m."""
     return cj.Axis(lambda scene: scene.joints[SHOULDER].clearance, values)
 
 
 def restitution_axis(values: Any) -> cj.Axis:
-    """Restitutions requested of the shoulder's contact law."""
+    """Return the axis of restitutions requested of the shoulder's contact law."""
     return cj.Axis(lambda scene: scene.joints[SHOULDER].law.restitution, values)
 
 
 def free_fall(clearance: Any) -> Any:
-    """Time of the journal's first fall from the centre to the wall, s."""
+    """Return the time of the journal's first fall from the centre to the wall, s."""
     return np.sqrt(2.0 * clearance / GRAVITY)
 
 
 def orbit_times(scene: cj.Scene) -> np.ndarray:
-    """Instants of the first impacts, in proportion to a lane's free fall, s."""
+    """Return instants of the first impacts in proportion to the free fall, s."""
     shoulder: Any = scene.joints[SHOULDER]
     return np.linspace(0.0, FREE_FALLS * free_fall(float(shoulder.clearance)), 1201)
 
@@ -71,8 +71,8 @@ ORBIT = cj.Saved(orbit_times, {c: (JournalOffset(SHOULDER, c, BASE), "m") for c 
 
 
 def sweep(output: Output) -> list[str]:
-    """Summaries, impacts and orbits over the clearance; returns the findings."""
-    scene, state = cj.double_pendulum()
+    """Run and draw summaries, impacts and orbits over the clearance, and return the findings."""
+    scene, state = cj.mechanisms.double_pendulum()
     values = np.geomspace(0.05e-3, 1e-3, 16 if output.quick else 256)
     swept = cj.sweep(
         scene,
@@ -92,7 +92,7 @@ def sweep(output: Output) -> list[str]:
 
 
 def in_free_falls(swept: xr.Dataset) -> None:
-    """Add entry speeds and times of the impacts over those of the first one, a free fall."""
+    """Add entry speeds and times of the impacts relative to those of the first."""
     fall = free_fall(swept["clearance"])
     relative = {
         "impact_relative_entry_speed": swept["impact_entry_speed"] / (GRAVITY * fall),
@@ -134,7 +134,7 @@ def _orbits(swept: xr.Dataset) -> Figure:
 
 
 def sweep_findings(swept: xr.Dataset) -> list[str]:
-    """What the sweep over the clearance shows, measured on its results."""
+    """Return the findings, measured on the sweep over the clearance."""
     low, high = (swept.isel(clearance=index) for index in (0, -1))
     speeds = swept["impact_relative_entry_speed"].values
     first = np.abs(speeds[:, 0] - 1.0).max()
@@ -167,7 +167,8 @@ def sweep_findings(swept: xr.Dataset) -> list[str]:
 
 
 def shared_impacts(speeds: np.ndarray) -> int:
-    """How many impacts have the same relative entry speed at all clearances, within 5 %.
+    """Return the number of impacts whose relative entry speed is the same at all clearances, within
+    5 %.
 
     `speeds`: (lanes, impacts).
     """
@@ -176,8 +177,8 @@ def shared_impacts(speeds: np.ndarray) -> int:
 
 
 def restitution_map(output: Output) -> list[str]:
-    """Summaries over clearance and restitution; returns the findings."""
-    scene, state = cj.double_pendulum()
+    """Run and draw summaries over clearance and restitution, and return the findings."""
+    scene, state = cj.mechanisms.double_pendulum()
     columns, rows = (6, 4) if output.quick else (32, 24)
     swept = cj.sweep(
         scene,
@@ -201,7 +202,7 @@ def restitution_map(output: Output) -> list[str]:
 
 
 def map_findings(swept: xr.Dataset) -> list[str]:
-    """What the map shows, measured on its results."""
+    """Return the findings, measured on the map."""
     outputs = swept[["peak_force", "impacts", "dissipated_energy"]]
     least, most = (outputs.isel(restitution=index) for index in (0, -1))
     impacts = outputs["impacts"].median("clearance")

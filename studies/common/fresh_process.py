@@ -1,4 +1,4 @@
-"""Measurements in a fresh Python."""
+"""Measurements in a fresh Python process."""
 
 import json
 import os
@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-"""Where `studies` can be imported from."""
+"""Folder from which `studies` can be imported."""
 SETTINGS = {"JAX_ENABLE_X64", "XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "CLEARJOINT_CACHE"}
-"""Environment variables that a measurement sets by itself."""
+"""Environment variables that are not passed on to the process."""
 
 
 def in_process(code: str, *arguments: str, **variables: str) -> tuple[float, Any]:
-    """Run code in a fresh Python that has none of clearjoint's settings but the given variables.
+    """Run code in a fresh Python without clearjoint's environment variables except the given ones.
 
-    Returns wall time of the process, s, and what it printed last, as JSON.
+    Return the wall time of the process, s, and its last line of output, as JSON.
     """
     kept = {name: value for name, value in os.environ.items() if name not in SETTINGS}
     command = [sys.executable, "-c", code, *arguments]

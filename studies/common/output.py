@@ -1,4 +1,4 @@
-"""Where studies put their stores and pictures."""
+"""Folders, stores and pictures of studies."""
 
 import argparse
 from dataclasses import dataclass
@@ -11,14 +11,15 @@ from PIL import Image
 import clearjoint as cj
 
 PALETTE = 128
-"""Colours of a picture."""
+"""Number of colours of a picture."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """A folder for stores and pictures; `quick` studies take few lanes and coarse pictures.
+    """Folder for the stores and pictures of a study.
 
-    `kept`: the study's own folder, if the pictures in it are renewed too.
+    `quick`: whether the study is small and its pictures are coarse. `kept`: the study's own folder,
+    if its pictures are replaced too.
     """
 
     folder: Path
@@ -27,28 +28,28 @@ class Output:
 
     @staticmethod
     def of(study: str, options: argparse.Namespace) -> "Output":
-        """The output for `study`, the file of its `__main__`, and the options of `add_options`."""
-        own = Path(study).resolve().parent
-        folder = Path("results") / own.name
+        """Return the output for a study's `__main__` file and the options of `add_options`."""
+        source = Path(study).resolve().parent
+        folder = Path("results") / source.name
         if options.quick:
             folder = folder / "quick"
-        return Output(options.output or folder, options.quick, own if options.renew else None)
+        return Output(options.output or folder, options.quick, source if options.renew else None)
 
     def store(self, name: str) -> Path:
-        """Path of a sweep's store; says how much of it is there already."""
+        """Return the path of a sweep's store, and print how much of it exists."""
         path = self.file(f"{name}.zarr")
         if path.exists():
             done = cj.open_sweep(path)["result"].values != -1
-            print(f"{path} has {done.sum()} of {done.size} lanes; what is missing is computed.")
+            print(f"{path} has {done.sum()} of {done.size} lanes; the others are computed.")
         return path
 
     def file(self, name: str) -> Path:
-        """Path of a file in the folder, which is there from now on."""
+        """Return the path of a file, after making the folder."""
         self.folder.mkdir(parents=True, exist_ok=True)
         return self.folder / name
 
     def save(self, figure: Figure, name: str) -> None:
-        """Write a picture, with a palette, which makes it a third as large."""
+        """Write a picture with a palette, which reduces its size to a third."""
         file = self.file(f"{name}.png")
         figure.savefig(file, dpi=80 if self.quick else 130)
         with Image.open(file) as picture:
@@ -59,10 +60,10 @@ class Output:
 
 
 def add_options(parser: argparse.ArgumentParser, quick: str) -> None:
-    """Add `--quick`, with a line that says what it leaves out, `--renew` and `--output`."""
+    """Add the options `--quick` (with a line of help), `--renew` and `--output`."""
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--quick", action="store_true", help=quick)
-    how.add_argument("--renew", action="store_true", help="replace the pictures beside the study")
-    parser.add_argument(
-        "--output", type=Path, help="folder for what it writes; results/NAME unless given"
+    how.add_argument(
+        "--renew", action="store_true", help="replace the pictures in the study's folder"
     )
+    parser.add_argument("--output", type=Path, help="output folder; default: results/NAME")

@@ -1,4 +1,4 @@
-"""Measurements as Markdown tables and JSON files."""
+"""Markdown tables and JSON files."""
 
 import json
 import os
@@ -15,13 +15,13 @@ PACKAGES = ("jax", "jaxlib", "diffrax", "numpy", "scipy", "exudyn")
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; the first row is its head."""
+    """Return a Markdown table; the first row is its head."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])
 
 
 def report(file: Path | None, rows: Sequence[Sequence[str]], records: Sequence[Record]) -> None:
-    """Print the rows as a table, and write the records as JSON if there is a file to write to."""
+    """Print the rows as a table, and write the records to a JSON file if one is given."""
     print(markdown(rows))
     if file is None:
         return

@@ -1,1 +1,1 @@
-"""Contact laws: force against penetration, hysteresis, and what they deliver."""
+"""Contact laws compared with each other, and models of a joint with more and more detail."""

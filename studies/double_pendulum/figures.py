@@ -11,7 +11,7 @@ UPWARDS = {"X": (1.0, 0.0, 0.0), "−Y (upwards)": (0.0, -1.0, 0.0)}
 
 
 def figures(settings: Settings, clearance: Run, ideal: Run) -> dict[str, Figure]:
-    """The paper's figures by file name, and the orbit of the journal."""
+    """Return the paper's figures and the orbit of the journal, by file name."""
     return {
         "figure_13": _figure_13(clearance),
         "figure_14": _figure_14(settings, clearance, ideal),
@@ -108,7 +108,7 @@ def _orbit(settings: Settings, clearance: Run) -> Figure:
 
 
 def _frame_instants(clearance: Run) -> np.ndarray:
-    """The start, and eight strikes of the journal with the rebounds between them."""
+    """Return the start, and the times of eight contacts and of the rebounds between them, s."""
     peaks = np.sort(clearance.impacts.peak_time)
     apart = np.diff(peaks, prepend=0.0) > 0.1 * peaks[0]
     strikes = peaks[apart][:8]
@@ -117,7 +117,7 @@ def _frame_instants(clearance: Run) -> np.ndarray:
 
 
 def animated_instants(settings: Settings, clearance: Run) -> np.ndarray:
-    """Even steps through the first instants, and a halt of a few frames at every strike."""
+    """Return uniform times of the early motion, with a few repeated frames at every contact, s."""
     frames, halt = (16, 1) if settings.quick else (100, 3)
     peaks = clearance.impacts.peak_time
     strikes = np.repeat(peaks[peaks < settings.early], halt)

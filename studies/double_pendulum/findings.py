@@ -1,4 +1,4 @@
-"""What the paper says of the double pendulum, beside what is found."""
+"""Comparison of the paper's statements with the results."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,19 @@ from studies.double_pendulum.runs import ELBOW, END_ARM, SHOULDER, Run, Settings
 
 @dataclass(frozen=True)
 class Findings:
-    """What the study finds, in SI units; arrays hold one entry an impact.
+    """Results in SI units; arrays have one entry for each impact.
 
     - `reaction_share`: peak of the elbow's reaction over the peak force at base V, first impact.
-    - `peak_forces`: N at base V, first four impacts. `peak_reactions`: N at the elbow,
-      `loop_energies`: J and `rebounds`: m at base V, first three.
-    - `onset_gaps`: s between the bases' onsets of the same impact, until one base strikes alone.
-    - `lone_strike`: s, begin of the first contact during which the other base stays in flight.
-    - `acceleration`, `ideal_acceleration`: m/s^2, largest of the end arm's centre along Y.
-    - `slides`: m along the bearing, by instant in s.
-    - `dissipated`, `ledger_residual`: J, at the end. `contact_share`: of the duration.
-    - `impacts`: number of finished contacts, both bases.
+    - `peak_forces`: of the first four impacts at base V, N. `peak_reactions`: of the first three at
+      the elbow, N.
+    - `loop_energies`, `rebounds`: of the first three impacts at base V, J and m.
+    - `onset_gaps`: time between the bases' onsets of the same impact, s, until one base strikes
+      alone.
+    - `lone_strike`: begin of the first contact during which the other base is in flight, s.
+    - `acceleration`, `ideal_acceleration`: largest of the end arm's centre along Y, m/s^2.
+    - `slides`: displacement along the bearing, m, by time in s.
+    - `dissipated`, `ledger_residual`: at the end, J. `contact_share`: fraction of the duration.
+    - `impacts`: number of finished contacts of both bases.
     """
 
     reaction_share: float
@@ -41,10 +43,10 @@ class Findings:
 
 
 def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
-    """Evaluate everything that the paper states and leaves open."""
+    """Evaluate the paper's statements, and the quantities that it leaves open."""
     impacts, saved, steps = clearance.of("V"), clearance.saved, clearance.steps
     reactions = [_peak_reaction(saved, impacts, k) for k in range(3)]
-    touching = steps.modes[SHOULDER][:-1] != cj.MotionMode.FREE_FLIGHT
+    touching = steps.modes[SHOULDER][:-1] != cj.results.MotionMode.FREE_FLIGHT
     end = settings.duration
     return Findings(
         reaction_share=reactions[0] / impacts.peak_force[0],
@@ -64,21 +66,27 @@ def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
     )
 
 
-def _peak_reaction(seen: cj.Observation, impacts: cj.Impacts, index: int) -> float:
-    during = (seen.times >= impacts.onset[index]) & (seen.times <= impacts.separation[index])
-    return float(np.linalg.norm(seen.reactions[ELBOW][END_ARM].force[during], axis=1).max())
+def _peak_reaction(
+    observation: cj.results.Observation, impacts: cj.results.Impacts, index: int
+) -> float:
+    during = (observation.times >= impacts.onset[index]) & (
+        observation.times <= impacts.separation[index]
+    )
+    return float(np.linalg.norm(observation.reactions[ELBOW][END_ARM].force[during], axis=1).max())
 
 
-def _rebounds(settings: Settings, seen: cj.Observation, impacts: cj.Impacts) -> np.ndarray:
-    """How far base V leaves the wall after each of the first impacts, m."""
-    eccentricity = np.asarray(seen.contacts[SHOULDER]["V"].eccentricity)
+def _rebounds(
+    settings: Settings, observation: cj.results.Observation, impacts: cj.results.Impacts
+) -> np.ndarray:
+    """Return the distance of base V from the wall after each of the first impacts, m."""
+    eccentricity = np.asarray(observation.contacts[SHOULDER]["V"].eccentricity)
     flights = zip(impacts.separation[:3], impacts.onset[1:4], strict=False)
-    between = [(seen.times >= begin) & (seen.times <= end) for begin, end in flights]
+    between = [(observation.times >= begin) & (observation.times <= end) for begin, end in flights]
     return np.array([settings.clearance - eccentricity[flight].min() for flight in between])
 
 
 def _onset_gaps(run: Run) -> np.ndarray:
-    """Time between the onsets of both bases in the impacts that they share, s."""
+    """Return the time between the onsets of both bases in their common impacts, s."""
     v, w = run.of("V"), run.of("W")
     count = min(len(v), len(w))
     shared = (v.onset[:count] < w.separation[:count]) & (w.onset[:count] < v.separation[:count])
@@ -97,19 +105,19 @@ def _lone_strike(run: Run) -> float | None:
     return min(strikes, default=None)
 
 
-def _largest_acceleration(seen: cj.Observation) -> float:
-    return float(np.abs(seen.accelerations[END_ARM].linear[:, 1]).max())
+def _largest_acceleration(observation: cj.results.Observation) -> float:
+    return float(np.abs(observation.accelerations[END_ARM].linear[:, 1]).max())
 
 
-def _slide(seen: cj.Observation, instant: float) -> float:
-    """Axial displacement of the journal's centre, m: the mean of its bases'."""
-    bases = seen.contacts[SHOULDER].values()
+def _slide(observation: cj.results.Observation, instant: float) -> float:
+    """Return the axial displacement of the journal's centre, m: the mean of its bases."""
+    bases = observation.contacts[SHOULDER].values()
     axial = np.mean([base.point_on_journal[:, 2] for base in bases], axis=0)
-    return float(np.interp(instant, seen.times, axial))
+    return float(np.interp(instant, observation.times, axial))
 
 
 def report(findings: Findings) -> str:
-    """The paper's statements against the findings, as a Markdown table."""
+    """Return the table of the paper's statements and the results."""
     rows = [("The paper says", "Found"), *_stated(findings), *_left_open(findings)]
     width = max(len(left) for left, _ in rows)
     lines = [f"| {left:<{width}} | {right} |" for left, right in rows]

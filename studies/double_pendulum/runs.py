@@ -1,4 +1,4 @@
-"""The double pendulum, with clearance and ideal: settings, and what is kept of a run."""
+"""Settings and runs of the double pendulum, with clearance and ideal."""
 
 import warnings
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ SOLVERS = {
 }
 SHOULDER, ELBOW, ARM, END_ARM = "shoulder", "elbow", "arm 2", "arm 3"
 SAVED = 4001
-"""Instants saved in every run: always as many, so that all runs share one compiled program."""
+"""Number of saved instants, the same in every run, so that all runs share a program."""
 IMPACT_INSTANTS, EARLY_INSTANTS = 200, 1400
 QUICK_DURATION = 0.25
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What to simulate, in SI units; `quick` animates little of it."""
+    """Numbers of the simulation in SI units; a `quick` one animates a short part."""
 
     clearance: float = 0.5e-3
     restitution: float = 0.9
@@ -34,28 +34,29 @@ class Settings:
 
     @property
     def early(self) -> float:
-        """End of the first instants, s: twelve times the journal's free fall to the wall."""
+        """End of the early motion, s: twelve times the free fall of the journal to the wall."""
         return min(12.0 * (2.0 * self.clearance / 9.81) ** 0.5, self.duration)
 
 
 @dataclass(frozen=True)
 class Run:
-    """One simulation: states and observation at the saved instants, observation along every
-    accepted step, and the finished contacts."""
+    """States and observation at the saved instants, observation at every accepted step, and the
+    finished contacts of a run.
+    """
 
-    trajectory: cj.Trajectory
-    saved: cj.Observation
-    steps: cj.Observation
-    impacts: cj.Impacts
+    trajectory: cj.results.Trajectory
+    saved: cj.results.Observation
+    steps: cj.results.Observation
+    impacts: cj.results.Impacts
 
-    def of(self, base: str) -> cj.Impacts:
-        """The impacts of one base."""
+    def of(self, base: str) -> cj.results.Impacts:
+        """Return the impacts of one base."""
         return self.impacts.of(SHOULDER, base)
 
 
 def simulate_clearance(settings: Settings) -> Run:
-    """The pendulum with clearance; a first pass over the early part tells where impacts are."""
-    scene, state = cj.double_pendulum(settings.clearance, settings.restitution)
+    """Simulate the pendulum with clearance, after a short run that finds the first impacts."""
+    scene, state = cj.mechanisms.double_pendulum(settings.clearance, settings.restitution)
     early = _simulate(settings, scene, state, np.linspace(0.0, settings.early, SAVED))
     assert early.impacts is not None
     impacts = early.impacts.of(SHOULDER, "V")
@@ -68,15 +69,15 @@ def simulate_clearance(settings: Settings) -> Run:
 
 
 def simulate_ideal(settings: Settings) -> Run:
-    """The pendulum with an ideal joint in place of the clearance joint."""
-    scene, state = cj.double_pendulum(clearance=None)
+    """Simulate the pendulum with an ideal joint."""
+    scene, state = cj.mechanisms.double_pendulum(clearance=None)
     instants = np.linspace(0.0, settings.duration, SAVED)
     return _observed(scene, _simulate(settings, scene, state, instants))
 
 
 def _simulate(
     settings: Settings, scene: cj.Scene, state: cj.State, instants: np.ndarray
-) -> cj.Solution:
+) -> cj.results.Solution:
     with warnings.catch_warnings():
         # The paper's joint is axially free; the study's table says how far arm 2 slides.
         warnings.simplefilter("ignore", cj.LeftBearingWarning)
@@ -89,7 +90,7 @@ def _simulate(
         )
 
 
-def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
+def _observed(scene: cj.Scene, solution: cj.results.Solution) -> Run:
     assert solution.saved is not None and solution.impacts is not None
     return Run(
         trajectory=solution.saved,
@@ -99,8 +100,8 @@ def _observed(scene: cj.Scene, solution: cj.Solution) -> Run:
     )
 
 
-def _instants(settings: Settings, impacts: cj.Impacts) -> np.ndarray:
-    """Instants to save: close together in the first three impacts, wide apart in the late part."""
+def _instants(settings: Settings, impacts: cj.results.Impacts) -> np.ndarray:
+    """Return the saved instants: dense in the first three impacts, sparse in the late motion."""
     spans = zip(impacts.onset[:3], impacts.separation[:3], strict=True)
     inside = [np.linspace(*span, IMPACT_INSTANTS) for span in spans]
     early = np.linspace(0.0, settings.early, EARLY_INSTANTS)

@@ -1,1 +1,1 @@
-"""How far each number of a scene can be driven."""
+"""Tested ranges of the numbers of a scene."""

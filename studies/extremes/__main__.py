@@ -1,10 +1,10 @@
-"""How far the program can be pushed before it says no.
+"""Tested ranges of the numbers of a scene: each result is right or refused.
 
     python -m studies.extremes [--quick] [--output FOLDER]
 
-One number after the other is driven over its range where the answer is known in closed form, then
-2100 random scenes have all of them at once. Each is right within a stated error, or refused with a
-reason: a result code, or a `ValueError` before anything runs. None may be wrong.
+The study varies one number at a time where the answer is known in closed form, then simulates 2100
+random scenes that vary all numbers together. Each result must be right within a stated error, or
+refused by a result code or by a `ValueError` before the run.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from studies.extremes.findings import QUICK_SCENES, SCENES, SEED, find, report
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the study from a command line."""
+    """Run the study."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser, "one family and some dozen scenes")
     parser.add_argument("--scenes", type=int, help=f"random ones a family; {SCENES}")

@@ -1,7 +1,7 @@
-"""One number at a time driven over its range, where the answer is known in closed form.
+"""Cases that vary one number over its range, where the answer is known in closed form.
 
-Each case varies a draw of a family in one place; its scenes run in the family's batch, beside the
-random ones.
+Each case varies one number of a draw of a family; its scenes run in the batch of the family,
+together with the random ones.
 """
 
 from collections.abc import Callable
@@ -34,22 +34,25 @@ BASE: Draw = {
 """The paper's steel journal, thrown at the wall along X."""
 
 FLOOR = 1e-6
-"""Of the entry speed, m/s: the laws' default."""
+"""Floor of the entry speed, m/s: the default of the laws."""
 
 GRAVITY = 9.81
 
 BOUND = 1e-4
-"""Relative error that a case may have, unless it says otherwise."""
+"""Largest relative error of a case, unless it states another."""
 
 
 @dataclass(frozen=True)
 class Case:
     """Values of one number over its range.
 
-    - `family`: whose structure it has; `unit` and `values` as they are shown.
-    - `trial`: the scene of a value; `error`: what the outcome is off, relative, from the
-      closed form named in `check`; `bound`: what is allowed. An outcome holds what the family's
-      sweep keeps of a lane, the state at its end as "poses", and the ledger's relative gap.
+    - `family`: family of the scenes.
+    - `unit`, `values`: values as they are shown.
+    - `trial`: function that returns the scene of a value.
+    - `error`: function that returns the relative error of an outcome against the closed form named
+      in `check`. An outcome contains the outputs of the family's sweep, the final state as "poses",
+      and the relative energy error.
+    - `bound`: largest allowed error.
     """
 
     name: str
@@ -63,17 +66,19 @@ class Case:
 
 
 def decades(low: float, high: float, count: int) -> tuple[float, ...]:
-    """Values evenly spaced in the logarithm, rounded to be read."""
+    """Return values evenly spaced in the logarithm, rounded to be readable."""
     return tuple(float(f"{value:.1e}") for value in np.geomspace(low, high, count))
 
 
 def damping_factor(restitution: float) -> Any:
-    """chi of Lankarani and Nikravesh."""
+    """Return the factor chi of Lankarani and Nikravesh."""
     return LONG(3) * (1 - LONG(restitution) ** 2) / 4
 
 
 def delivered(chi: Any) -> Any:
-    """The e of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], by bisection in extended precision."""
+    """Return the e that solves chi (1 + e) = ln[(1 + chi)/(1 - chi e)], by bisection in extended
+    precision.
+    """
     if chi < 1e-9:
         return 1 - 2 * chi / 3
     low, high = LONG(0), min(LONG(1), (1 - LONG(1e-18)) / chi)
@@ -85,14 +90,14 @@ def delivered(chi: Any) -> Any:
 
 
 def greatest_depth(chi: Any, mass: float, stiffness: float, speed: float) -> Any:
-    """Of a free impact with exponent 1.5, m."""
+    """Return the largest penetration of a free impact with exponent 1.5, m."""
     scale = (LONG(mass) * LONG(speed) ** 2 / LONG(stiffness)) ** LONG(0.4)
     shape = LONG(0.5) if chi < 1e-6 else (chi - np.log1p(chi)) / chi**2
     return scale * (LONG(2.5) * shape) ** LONG(0.4)
 
 
 def thrown(draw: Draw) -> Trial:
-    """To the wall and back, once."""
+    """Return a trial with one impact."""
     trial = FAMILIES["thrown journal"].trial(draw)
     both = draw | {"stiffness": 2 * draw["stiffness"]}
     flight = draw["clearance"] / draw["speed"]
@@ -100,7 +105,7 @@ def thrown(draw: Draw) -> Trial:
 
 
 def thrown_error(draw: Draw, outcome: Any) -> float:
-    """Largest relative error of the rebound's speed and of the greatest depth."""
+    """Return the larger relative error of rebound speed and largest penetration."""
     speed = LONG(draw["speed"])
     chi = damping_factor(draw["restitution"]) * speed / max(speed, LONG(FLOOR))
     depth = greatest_depth(chi, draw["mass"], 2 * draw["stiffness"], draw["speed"])
@@ -109,7 +114,7 @@ def thrown_error(draw: Draw, outcome: Any) -> float:
 
 
 def thrown_case(name: str, key: str, unit: str, values: Any, scale: float = 1.0) -> Case:
-    """A thrown journal with one number of the draw varied."""
+    """Return the case of a thrown journal with one number of the draw varied."""
 
     def draw(value: float) -> Draw:
         return BASE | {key: value * scale}
@@ -127,7 +132,7 @@ def thrown_case(name: str, key: str, unit: str, values: Any, scale: float = 1.0)
 
 
 def _deep(value: float) -> Trial:
-    """At rest in the wall, `value` journal radii deep."""
+    """Return a trial at rest with a penetration of `value` journal radii."""
     depth = value * (RADIUS - BASE["clearance"])
     draw = BASE | {"eccentricity": 1 + depth / BASE["clearance"], "speed": 1e-30}
     trial = FAMILIES["thrown journal"].trial(draw)
@@ -135,7 +140,7 @@ def _deep(value: float) -> Trial:
 
 
 def _release(depth: float) -> Any:
-    """Speed of an elastic release from rest, m/s."""
+    """Return the speed of an elastic release from rest, m/s."""
     energy = 2 * LONG(BASE["stiffness"]) * LONG(depth) ** LONG(2.5) / LONG(2.5)
     return np.sqrt(2 * energy / LONG(BASE["mass"]))
 
@@ -146,7 +151,7 @@ def _deep_error(value: float, outcome: Any) -> float:
 
 
 def _tilted(value: float) -> Trial:
-    """At rest, centred, turned across the bearing by degrees; four radii long."""
+    """Return a centred trial at rest, tilted in the bearing by degrees; four radii long."""
     draw = BASE | {"length": 4 * RADIUS, "speed": 1e-30}
     trial = FAMILIES["thrown journal"].trial(draw)
     half = np.deg2rad(value) / 2
@@ -155,7 +160,7 @@ def _tilted(value: float) -> Trial:
 
 
 def _ledger(value: float, outcome: Any) -> float:
-    """What the energy ledger does not account for, of the energy exchanged."""
+    """Return the energy error over the energy exchanged."""
     del value
     return outcome["ledger"]
 
@@ -169,7 +174,7 @@ def _pair(value: float) -> Trial:
 
 
 def _pair_error(value: float, outcome: Any) -> float:
-    """Of the relative speed after the impact."""
+    """Return the error of the relative speed after the impact."""
     at: Poses = outcome["poses"]
     parting = at["bearing"].velocity[0] - at["journal"].velocity[0]
     wanted = delivered(damping_factor(BASE["restitution"])) * LONG(BASE["speed"])
@@ -177,8 +182,9 @@ def _pair_error(value: float, outcome: Any) -> float:
 
 
 def _chattering(value: float) -> Trial:
-    """Dropped from the centre, for so long that a rigid body would have bounced infinitely often
-    up to restitution 0.95."""
+    """Return a trial dropped from the centre, long enough that a rigid body with a restitution of
+    up to 0.95 would have bounced infinitely often.
+    """
     draw = BASE | {"restitution": value, "speed": 1e-30, "heading": 0.75}
     return replace(FAMILIES["journal"].trial(draw), end_time=1.0)
 
@@ -188,27 +194,31 @@ def _static_depth() -> Any:
 
 
 def _chattering_error(value: float, outcome: Any) -> float:
-    """How far it is from rest at the static depth, in fall heights: one clearance."""
+    """Return the distance from rest at the static depth, in fall heights (one clearance)."""
     del value
-    place = -outcome["poses"]["journal"].position[1] - LONG(BASE["clearance"])
-    return float(abs(place - _static_depth()) / LONG(BASE["clearance"]))
+    height = -outcome["poses"]["journal"].position[1] - LONG(BASE["clearance"])
+    return float(abs(height - _static_depth()) / LONG(BASE["clearance"]))
 
 
 SLIDING_SPEED, SLIDING_TIME, REGULARISATION = 0.1, 0.02, 1e-3
 
 
 def _sliding(value: float) -> Trial:
-    """At rest at the static depth, sliding along the bearing. So much inertia that it can't tip."""
+    """Return a trial at the static depth that slides along the bearing, with too much inertia to
+    tip.
+    """
     trial = FAMILIES["journal"].trial(BASE | {"friction": value})
-    place = (0.0, -float(BASE["clearance"] + _static_depth()), 0.0)
-    state = cj.State({"journal": cj.body_state(place, velocity=(0, 0, SLIDING_SPEED))})
+    position = (0.0, -float(BASE["clearance"] + _static_depth()), 0.0)
+    state = cj.State({"journal": cj.body_state(position, velocity=(0, 0, SLIDING_SPEED))})
     bodies = {"journal": cj.Body(BASE["mass"], [1e6] * 3)}
     scene = cj.Scene(bodies, trial.scene.joints, gravity=trial.scene.gravity)
     return Trial(scene, state, SLIDING_TIME)
 
 
 def _sliding_error(value: float, outcome: Any) -> float:
-    """Of the speed: v' = -mu g tanh(v/v_d) has sinh(v/v_d) = sinh(v_0/v_d) exp(-mu g t/v_d)."""
+    """Return the error of the speed: v' = -mu g tanh(v/v_d) has the solution sinh(v/v_d) =
+    sinh(v_0/v_d) exp(-mu g t/v_d).
+    """
     reach = LONG(SLIDING_SPEED) / LONG(REGULARISATION)
     fallen = LONG(value) * LONG(GRAVITY) * LONG(SLIDING_TIME) / LONG(REGULARISATION)
     speed = LONG(REGULARISATION) * np.arcsinh(np.sinh(reach) * np.exp(-fallen))
@@ -224,7 +234,7 @@ def _crank(value: float) -> Trial:
 
 
 def _crank_error(value: float, outcome: Any) -> float:
-    """Of the crank's angle after a turn, rad."""
+    """Return the error of the crank's angle after a revolution, rad."""
     del value
     w, _, _, z = outcome["poses"]["crank"].orientation
     angle = 2 * np.arctan2(z, w)

@@ -1,4 +1,4 @@
-"""The map of how far each number can go."""
+"""Map of the tested ranges."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from studies.extremes.looks import REFUSED, RIGHT, WRONG, Look, Row
+from studies.extremes.entries import REFUSED, RIGHT, WRONG, Entry, Row
 from studies.extremes.random_scenes import Batch
 
 COLOURS = {RIGHT: "#7fc97f", REFUSED: "#c9c9c9", WRONG: "#d62728"}
@@ -17,11 +17,11 @@ SHORT = {
     "max_steps_reached": "step limit",
     "step_too_small": "step too small",
 }
-"""Result codes as the map has room for."""
+"""Short names of result codes."""
 
 
 def drawn_map(rows: Sequence[Row], batches: Sequence[Batch]) -> Figure:
-    """Cases above, a cell for each value; random scenes below, by families."""
+    """Draw the cases above, a cell for each value, and the random scenes by family below."""
     heights = (len(rows), len(batches) + 1.0)
     figure = Figure(figsize=(11.0, 0.36 * sum(heights) + 1.4), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=heights)
@@ -34,18 +34,18 @@ def drawn_map(rows: Sequence[Row], batches: Sequence[Batch]) -> Figure:
 
 def _cases(axes: Axes, rows: Sequence[Row]) -> None:
     for level, row in enumerate(rows):
-        width = 1.0 / len(row.looks)
-        for k, look in enumerate(row.looks):
+        width = 1.0 / len(row.entries)
+        for k, entry in enumerate(row.entries):
             axes.barh(
                 level,
                 width,
                 left=k * width,
                 height=0.82,
-                color=COLOURS[look.verdict],
+                color=COLOURS[entry.verdict],
                 edgecolor="white",
                 linewidth=1.5,
             )
-            axes.text((k + 0.5) * width, level, _shown(look), ha="center", va="center", fontsize=7)
+            axes.text((k + 0.5) * width, level, _shown(entry), ha="center", va="center", fontsize=7)
         worst = "" if np.isnan(row.worst) else f"error up to {row.worst:.0e}"
         axes.text(1.01, level, worst, va="center", fontsize=8)
     units = ["" if row.unit == "1" else f", {row.unit}" for row in rows]
@@ -54,8 +54,8 @@ def _cases(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_xlim(0.0, 1.16)
 
 
-def _shown(look: Look) -> str:
-    value = look.place
+def _shown(entry: Entry) -> str:
+    value = entry.value
     if value and not 1e-2 <= abs(value) < 1e3:
         digits, _, power = f"{value:.0e}".partition("e")
         return f"{digits}e{int(power)}"

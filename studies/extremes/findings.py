@@ -1,9 +1,9 @@
-"""All that the study of extremes runs and reports."""
+"""Runs and report of the study of extremes."""
 
 from dataclasses import dataclass
 
+from studies.extremes.entries import WRONG, Row
 from studies.extremes.families import FAMILIES
-from studies.extremes.looks import WRONG, Row
 from studies.extremes.random_scenes import Batch, batch
 from studies.extremes.refusals import Refusal, refusals
 from studies.extremes.report import case_table, family_table, refusal_table
@@ -17,21 +17,21 @@ QUICK_FAMILIES = ("thrown journal",)
 
 @dataclass(frozen=True)
 class Findings:
-    """Rows of the map, families of random scenes, and refusals."""
+    """Rows of the cases, batches of random scenes, and refusals."""
 
     rows: tuple[Row, ...]
     batches: tuple[Batch, ...]
     refused: tuple[Refusal, ...]
 
     def wrong(self) -> int:
-        """Looks and random scenes that claim success and are not right, and bad numbers taken."""
-        looks = sum(row.count(WRONG) for row in self.rows)
+        """Number of wrong results, and of impossible numbers that were accepted."""
+        entries = sum(row.count(WRONG) for row in self.rows)
         scenes = sum(len(one.wrong()) for one in self.batches)
-        return looks + scenes + sum(not one.said for one in self.refused)
+        return entries + scenes + sum(not one.message for one in self.refused)
 
 
 def find(quick: bool, scenes: int, seed: int) -> Findings:
-    """Run everything; in the quick setting one family and its cases."""
+    """Run all cases and random scenes; in the quick setting one family and its cases."""
     names, steps = (QUICK_FAMILIES, QUICK_MAX_STEPS) if quick else (FAMILIES, MAX_STEPS)
     batches = [batch(name, scenes, seed, steps) for name in names]
     rows = [row for one in batches for row in one.rows]
@@ -40,7 +40,7 @@ def find(quick: bool, scenes: int, seed: int) -> Findings:
 
 
 def report(findings: Findings) -> str:
-    """All tables."""
+    """Return all tables as text."""
     parts = (
         case_table(findings.rows),
         family_table(findings.batches),

@@ -1,7 +1,7 @@
-"""Energy, momentum and depth of a state, written anew from the paper's definitions.
+"""Energy, momentum and penetration of a state, implemented again from the paper's definitions.
 
-In NumPy's extended precision, and without anything of clearjoint but its data: what is checked
-here has not been computed by the code that made it.
+The functions use NumPy's extended precision and only data of clearjoint, so that results are not
+checked by the code that computed them.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,9 @@ BASES = {"V": -1.0, "W": 1.0}
 
 @dataclass(frozen=True)
 class Pose:
-    """A body's position m, Euler parameters, velocity m/s and spin rad/s (body axes), extended."""
+    """Position, m, Euler parameters, velocity, m/s, and spin in body axes, rad/s, of a body in
+    extended precision.
+    """
 
     position: np.ndarray
     orientation: np.ndarray
@@ -27,7 +29,7 @@ class Pose:
 
     @property
     def rotation(self) -> np.ndarray:
-        """(3, 3), from body to global axes (eq. 5)."""
+        """Return the rotation matrix from body to global axes (eq. 5), (3, 3)."""
         w, x, y, z = self.orientation
         return np.array(
             [
@@ -39,7 +41,7 @@ class Pose:
         )
 
     def point(self, local: np.ndarray) -> np.ndarray:
-        """Global position of a point given in body axes."""
+        """Return the global position of a point given in body axes, m."""
         return self.position + self.rotation @ local
 
 
@@ -49,7 +51,7 @@ Poses = Mapping[str, Pose]
 
 
 def poses(state: cj.State) -> dict[str, Pose]:
-    """All bodies of a state, and the ground."""
+    """Return the poses of all bodies and of the ground."""
     found = {"ground": GROUND_POSE}
     for name, body in state.bodies.items():
         parts = (body.position, body.orientation, body.velocity, body.spin)
@@ -58,7 +60,7 @@ def poses(state: cj.State) -> dict[str, Pose]:
 
 
 def kinetic_energy(scene: cj.Scene, at: Poses) -> Any:
-    """J."""
+    """Return the kinetic energy, J."""
     total = LONG(0)
     for name, body in scene.bodies.items():
         pose = at[name]
@@ -69,7 +71,7 @@ def kinetic_energy(scene: cj.Scene, at: Poses) -> Any:
 
 
 def work_of_gravity(scene: cj.Scene, start: Poses, end: Poses) -> Any:
-    """J, from one state to another."""
+    """Return the work of gravity from one state to another, J."""
     if scene.gravity is None:
         return LONG(0)
     gravity = np.asarray(scene.gravity, LONG)
@@ -80,25 +82,25 @@ def work_of_gravity(scene: cj.Scene, start: Poses, end: Poses) -> Any:
 
 
 def contact_energy(scene: cj.Scene, at: Poses) -> Any:
-    """Elastic energy K delta^(n + 1)/(n + 1) of all contacts, J."""
+    """Return the elastic energy K delta^(n + 1)/(n + 1) of all contacts, J."""
     total = LONG(0)
     for joint in clearance_joints(scene):
         laws = joint.laws()
         for label, depth in depths(joint, at).items():
             law = laws[label]
-            if depth > 0 and isinstance(law, cj.AbstractHertzianLaw):
+            if depth > 0 and isinstance(law, cj.extend.AbstractHertzianLaw):
                 power = LONG(law.exponent) + 1
                 total += stiffness(law, joint) * depth**power / power
     return total
 
 
 def clearance_joints(scene: cj.Scene) -> list[cj.ClearanceJoint]:
-    """All joints with clearance."""
+    """Return all joints with clearance."""
     return [joint for joint in scene.joints.values() if isinstance(joint, cj.ClearanceJoint)]
 
 
 def deepest(scene: cj.Scene, at: Poses) -> Any:
-    """Largest penetration of a base, in radii of its journal."""
+    """Return the largest penetration of a base, in journal radii."""
     return max(
         depths(joint, at)[base] / (LONG(joint.bearing_radius) - LONG(joint.clearance))
         for joint in clearance_joints(scene)
@@ -107,7 +109,7 @@ def deepest(scene: cj.Scene, at: Poses) -> Any:
 
 
 def depths(joint: cj.ClearanceJoint, at: Poses) -> dict[str, Any]:
-    """Penetration of each contact of a clearance joint, m (eqs 8-13)."""
+    """Return the penetration of each contact of a clearance joint, m (eqs 8-13)."""
     bearing, journal = at[joint.bearing_body], at[joint.journal_body]
     axis = bearing.rotation @ _unit(joint.bearing_axis)
     centre = bearing.point(np.asarray(joint.bearing_point, LONG))
@@ -125,8 +127,8 @@ def depths(joint: cj.ClearanceJoint, at: Poses) -> dict[str, Any]:
 
 
 def stiffness(law: Any, joint: cj.ClearanceJoint) -> Any:
-    """K in N/m^n, given or Ravn's for two bodies of one material."""
-    if isinstance(law.stiffness, cj.GivenStiffness):
+    """Return the stiffness, N/m^n: given, or Ravn's for two bodies of one material."""
+    if isinstance(law.stiffness, cj.laws.GivenStiffness):
         return LONG(law.stiffness.stiffness)
     modulus, ratio = LONG(law.stiffness.young_modulus), LONG(law.stiffness.poisson_ratio)
     outer, clearance = LONG(joint.bearing_radius), LONG(joint.clearance)
@@ -135,7 +137,7 @@ def stiffness(law: Any, joint: cj.ClearanceJoint) -> Any:
 
 
 def momentum(scene: cj.Scene, at: Poses) -> tuple[np.ndarray, np.ndarray]:
-    """Linear momentum, kg m/s, and angular momentum about the origin, kg m^2/s."""
+    """Return the linear momentum, kg m/s, and the angular momentum about the origin, kg m^2/s."""
     linear, angular = np.zeros(3, LONG), np.zeros(3, LONG)
     for name, body in scene.bodies.items():
         pose = at[name]
@@ -147,8 +149,9 @@ def momentum(scene: cj.Scene, at: Poses) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drift(scene: cj.Scene, at: Poses) -> Any:
-    """How far the revolute joints' points are apart, m, or their axes askew, rad, and how far
-    journals that are held axially are off; the largest of these."""
+    """Return the largest residual of the revolute joints, m or rad, and of journals fixed axially,
+    m.
+    """
     worst = LONG(0)
     for joint in scene.joints.values():
         if isinstance(joint, cj.RevoluteJoint):
@@ -166,7 +169,7 @@ def drift(scene: cj.Scene, at: Poses) -> Any:
 
 
 def _height(joint: cj.ClearanceJoint, at: Poses) -> Any:
-    """Of the journal's centre over the bearing's, along its axis, m."""
+    """Return the axial position of the journal's centre relative to the bearing, m."""
     bearing, journal = at[joint.bearing_body], at[joint.journal_body]
     centre = bearing.point(np.asarray(joint.bearing_point, LONG))
     offset = journal.point(np.asarray(joint.journal_point, LONG)) - centre
@@ -174,7 +177,7 @@ def _height(joint: cj.ClearanceJoint, at: Poses) -> Any:
 
 
 def norm_error(at: Poses) -> Any:
-    """Largest deviation of the norm of any Euler parameters from one."""
+    """Return the largest deviation of the norm of Euler parameters from one."""
     return max(abs(np.sqrt(np.sum(pose.orientation**2)) - 1) for pose in at.values())
 
 

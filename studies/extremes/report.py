@@ -3,23 +3,23 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from studies.extremes.looks import REFUSED, RIGHT, WRONG, Row
+from studies.extremes.entries import REFUSED, RIGHT, WRONG, Row
 from studies.extremes.random_scenes import Batch
 from studies.extremes.refusals import Refusal
 
 
 def case_table(rows: Iterable[Row]) -> str:
-    """How far each number can go."""
+    """Return the table of cases."""
     lines = [
-        "| case | from .. to | right | refused | wrong | checked by | largest error (allowed) |",
+        "| case | range | right | refused | wrong | check | largest error (allowed) |",
         "|---|---|---|---|---|---|---|",
     ]
     for row in rows:
-        places = [look.place for look in row.looks]
+        values = [entry.value for entry in row.entries]
         unit = "" if row.unit == "1" else f" {row.unit}"
         reasons = f" ({row.reasons})" if row.reasons else ""
         lines.append(
-            f"| {row.name} | {min(places):g} .. {max(places):g}{unit} | {row.count(RIGHT)} "
+            f"| {row.name} | {min(values):g} .. {max(values):g}{unit} | {row.count(RIGHT)} "
             f"| {row.count(REFUSED)}{reasons} | {row.count(WRONG)} | {row.check} "
             f"| {row.worst:.0e} ({row.bound:g}) |"
         )
@@ -27,9 +27,9 @@ def case_table(rows: Iterable[Row]) -> str:
 
 
 def family_table(batches: Sequence[Batch]) -> str:
-    """What became of the random scenes."""
+    """Return the table of random scenes."""
     lines = [
-        "| random scenes | all | successful | refused | wrong | nearest to what is allowed (1) |",
+        "| random scenes | all | successful | refused | wrong | largest violation (allowed: 1) |",
         "|---|---|---|---|---|---|",
     ]
     for one in batches:
@@ -42,7 +42,7 @@ def family_table(batches: Sequence[Batch]) -> str:
 def _family_line(name: str, batches: Sequence[Batch]) -> str:
     codes: Counter[str] = sum((one.codes() for one in batches), Counter())
     refused = {code: n for code, n in codes.items() if code != "successful"}
-    told = ", ".join(f"{n} {code}" for code, n in sorted(refused.items())) or "0"
+    codes_text = ", ".join(f"{n} {code}" for code, n in sorted(refused.items())) or "0"
     worst: dict[str, float] = {}
     for one in batches:
         for invariant, value in one.worst().items():
@@ -51,11 +51,13 @@ def _family_line(name: str, batches: Sequence[Batch]) -> str:
     closest = max(worst, key=lambda key: worst[key], default="")
     nearest = f"{closest}, {worst[closest]:.2g}" if closest else ""
     wrong = sum(len(one.wrong()) for one in batches)
-    return f"| {name} | {codes.total()} | {codes['successful']} | {told} | {wrong} | {nearest} |"
+    return (
+        f"| {name} | {codes.total()} | {codes['successful']} | {codes_text} | {wrong} | {nearest} |"
+    )
 
 
 def refusal_table(refused: Iterable[Refusal]) -> str:
-    """What was said to numbers that no scene can have."""
-    lines = ["| tried | said |", "|---|---|"]
-    lines += [f"| {one.what} | {one.said or 'nothing: WRONG'} |" for one in refused]
+    """Return the table of refusals."""
+    lines = ["| attempt | error message |", "|---|---|"]
+    lines += [f"| {one.attempt} | {one.message or 'none: WRONG'} |" for one in refused]
     return "\n".join(lines)

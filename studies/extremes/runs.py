@@ -1,4 +1,4 @@
-"""Runs of extreme scenes, in batches, and their judgement by invariants."""
+"""Batches of runs of extreme scenes, and checks of their invariants."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -25,45 +25,48 @@ from studies.extremes.invariants import (
 
 RTOL = 1e-8
 ALLOWED_ENERGY = 1e-4
-"""Of the energy exchanged."""
+"""Allowed energy error, over the energy exchanged."""
 ALLOWED_NORM = 1e-6
 ALLOWED_DRIFT = 1e-6
-"""m or rad."""
+"""Allowed drift of constraints, m or rad."""
 ALLOWED_MOMENTUM = 1e-8
-"""Of the sum of the bodies' momenta."""
+"""Allowed change of momentum, over the sum of the bodies' momenta."""
 
 WORKS = ("normal damping", "friction", "stabilisation", "supplied")
 
 
-class Work(cj.AbstractReduction):
-    """The integrals of the energy ledger, J, by name; those that the scene lacks are zero."""
+class Work(cj.extend.AbstractReduction):
+    """Integrals of the energy ledger by name, J; zero for those that the scene lacks."""
 
     needs_ledger = True
 
     def start(self, now: Any) -> Any:
-        """Nothing: the ledger is integrated with the state."""
+        """Return no tally: the ledger is integrated with the state."""
         del now
         return ()
 
     def update(self, tally: Any, now: Any) -> Any:
-        """Nothing."""
+        """Return the tally unchanged."""
         del now
         return tally
 
     def results(self, tally: Any, now: Any) -> dict[str, Any]:
-        """Each integral."""
+        """Return the integrals."""
         del tally
         return {name: now.work.get(name, 0.0) for name in WORKS}
 
     def units(self) -> dict[str, str]:
-        """Energies."""
+        """Return the units."""
         return dict.fromkeys(WORKS, "J")
 
 
 @dataclass(frozen=True)
 class Lane:
-    """A run: its result code, the steps tried, what was kept of it, and its violations of each
-    invariant in the units of what is allowed (above 1 it is violated)."""
+    """Result of a run.
+
+    Result code, attempted steps, outputs, and violations of each invariant over the allowed ones
+    (above 1 the invariant is violated).
+    """
 
     result: str
     attempts: int
@@ -72,12 +75,12 @@ class Lane:
 
     @property
     def successful(self) -> bool:
-        """Whether the run says that its numbers are good."""
+        """Whether the run has the code "successful"."""
         return self.result == "successful"
 
     @property
     def wrong(self) -> bool:
-        """Whether a run that calls itself successful violates an invariant, or has a NaN."""
+        """Whether a successful run violates an invariant or has a NaN."""
         return self.successful and not all(value <= 1.0 for value in self.violations.values())
 
 
@@ -88,7 +91,7 @@ def run(
     rtol: float = RTOL,
     start_time: float = 0.0,
 ) -> list[Lane]:
-    """Run scenes of a family side by side, and judge them by the invariants."""
+    """Run scenes of a family together, and check the invariants."""
     lanes: dict[int, Lane] = {}
     for atol in sorted({trial.atol for trial in trials}, key=str):
         numbers = [k for k, trial in enumerate(trials) if trial.atol == atol]
@@ -152,7 +155,7 @@ def _final(scene: cj.Scene, lane: xr.Dataset) -> cj.State:
 def _violations(
     family: Family, scene: cj.Scene, start: Poses, end: Poses, works: dict[str, float]
 ) -> dict[str, float]:
-    """What is violated, over what is allowed; NaN, which is never allowed, stays NaN."""
+    """Return the violations over the allowed ones; NaN stays NaN and is never allowed."""
     found = {
         "energy": _energy_gap(scene, start, end, works),
         "quaternion norm": float(norm_error(end)) / ALLOWED_NORM,
@@ -165,7 +168,7 @@ def _violations(
 
 
 def _energy_gap(scene: cj.Scene, start: Poses, end: Poses, works: dict[str, float]) -> float:
-    """What the ledger does not account for, over what it may not."""
+    """Return the energy error over the allowed one."""
     before = kinetic_energy(scene, start), contact_energy(scene, start)
     after = kinetic_energy(scene, end), contact_energy(scene, end)
     gained = work_of_gravity(scene, start, end) + works["supplied"]
@@ -176,7 +179,7 @@ def _energy_gap(scene: cj.Scene, start: Poses, end: Poses, works: dict[str, floa
 
 
 def _momentum_gaps(scene: cj.Scene, start: Poses, end: Poses) -> dict[str, float]:
-    """Changes of the momenta, over the parts they are the sums of."""
+    """Return the changes of the momenta over the sums of their parts."""
     before, after = momentum(scene, start), momentum(scene, end)
     masses = [float(body.mass) for body in scene.bodies.values()]
     speeds = [

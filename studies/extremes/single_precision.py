@@ -12,9 +12,9 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 DURATION = 0.02
 
 
-def look(rtol: float) -> dict[str, Any]:
-    """First impact, and what the ledger does not account for over the energy exchanged."""
-    scene, state = cj.double_pendulum()
+def first_impact(rtol: float) -> dict[str, Any]:
+    """Return the first impact, and the energy error over the energy exchanged."""
+    scene, state = cj.mechanisms.double_pendulum()
     solution = cj.simulate(
         scene,
         state,
@@ -43,4 +43,4 @@ def look(rtol: float) -> dict[str, Any]:
 if __name__ == "__main__":
     cj.configure(threads=1)
     jax.config.update("jax_enable_x64", False)
-    print(json.dumps([look(rtol) for rtol in TOLERANCES]))
+    print(json.dumps([first_impact(rtol) for rtol in TOLERANCES]))

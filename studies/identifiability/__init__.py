@@ -1,1 +1,1 @@
-"""What sensors can tell before there are data."""
+"""Accuracy that sensors can give, before there are data."""

@@ -1,17 +1,17 @@
-"""What five kinds of sensors can tell about stiffness, restitution and clearance.
+"""Accuracy of stiffness, restitution and clearance that five kinds of sensors can give.
 
     python -m studies.identifiability [--quick] [--output results/identifiability]
 
-Bounds of Cramér and Rao on the double pendulum (0.5 mm, restitution 0.9, steel), all three
-parameters estimated together, beside those known from central differences of an event-exact solver
-in quadruple precision. Both records have 1000 samples: 0.05 s at 20 kHz and 0.1 s at 10 kHz. (The
-source of the known ones says 10 kHz for both, but only 20 kHz gives its numbers for 0.05 s.)
-Young's
-modulus stands for the stiffness K, which is proportional to it; the clearance changes K too.
+The tables contain Cramér-Rao bounds of all three parameters together, for the double pendulum (0.5
+mm, restitution 0.9, steel), and known bounds by central differences of an event-exact solver in
+quadruple precision. Both records have 1000 samples: 0.05 s at 20 kHz and 0.1 s at 10 kHz. (The
+source of the known bounds says 10 kHz for both, but only 20 kHz gives its numbers for 0.05 s.)
+Young's modulus is the parameter of the stiffness K, which is proportional to it; the clearance
+changes K too.
 
-Cameras and accelerometers give all three components of both arms' centres, probes the two across
-the bearing at both bases, the hinge all three of its reaction, contacts the normal force of both
-bases.
+Cameras and accelerometers measure all three components of both arms' centres, probes the two
+components across the bearing at both bases, the hinge all three of its reaction, contacts the
+normal force of both bases.
 """
 
 import argparse

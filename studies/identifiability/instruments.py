@@ -1,4 +1,4 @@
-"""Five kinds of sensors on the double pendulum, and what they can tell."""
+"""Five kinds of sensors on the double pendulum, and the bounds that they give."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ SAMPLES = 1000
 ACROSS: tuple[Component, ...] = ("x", "y")
 ALL: tuple[Component, ...] = ("x", "y", "z")
 LENGTHS = (0.05, 0.1)
-"""Of the records, s."""
+"""Lengths of the records, s."""
 PARAMETERS = {
     "stiffness": cj.Parameter(lambda s: s.joints[SHOULDER].law.stiffness.young_modulus, cj.Log()),
     "restitution": cj.Parameter(lambda s: s.joints[SHOULDER].law.restitution),
@@ -33,10 +33,10 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class Instrument:
-    """A sensor, and the bounds known for it.
+    """A sensor and its known bounds.
 
     `noise`: one standard deviation in the channels' SI unit. `known`: by length of the record,
-    standard deviations of log K, e and log c as they were printed, "" if not identifiable.
+    standard deviations of log K, e and log c as printed, "" if not identifiable.
     """
 
     title: str
@@ -79,18 +79,18 @@ INSTRUMENTS = {
 }
 
 
-def report(length: float, samples: int = SAMPLES) -> cj.Identifiability:
-    """What all instruments can tell by records of a length in s."""
+def report(length: float, samples: int = SAMPLES) -> cj.results.Identifiability:
+    """Return the bounds of all instruments for records of a length in s."""
     times = length * np.arange(1, samples + 1) / samples
     sensors = {
         name: cj.Sensor(instrument.channels, times, instrument.noise)
         for name, instrument in INSTRUMENTS.items()
     }
-    return cj.identifiability(*cj.double_pendulum(), PARAMETERS, sensors)
+    return cj.identifiability(*cj.mechanisms.double_pendulum(), PARAMETERS, sensors)
 
 
-def table(found: cj.Identifiability, column: int) -> str:
-    """Bounds beside the known ones, in Markdown."""
+def table(found: cj.results.Identifiability, column: int) -> str:
+    """Return the table of bounds and known bounds."""
     rows = [("sensor", *(f"{name}: found, known" for name in PARAMETERS)), ("---",) * 4]
     for name, instrument in INSTRUMENTS.items():
         one = found.of(name)
@@ -104,8 +104,8 @@ def table(found: cj.Identifiability, column: int) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def figure(found: cj.Identifiability) -> Figure:
-    """All instruments over the length of the record."""
+def figure(found: cj.results.Identifiability) -> Figure:
+    """Draw the bounds of all instruments over the length of the record."""
     drawn = Figure(figsize=(13.0, 3.8), layout="constrained")
     panels = drawn.subplots(1, len(INSTRUMENTS), sharey=True)
     for panel, (name, instrument) in zip(panels, INSTRUMENTS.items(), strict=True):

@@ -1,1 +1,1 @@
-"""Bouncing balls, measured by others."""
+"""Measured bouncing balls."""

@@ -1,16 +1,17 @@
-"""Balls on a floor, measured by others: restitution over impact speed, and the bounces simulated.
+"""Measured bouncing balls: restitution over impact speed, and simulated bounces.
 
     python -m studies.real_bounces PATH [PATH...] [--output FOLDER] [--quick]
 
 PATH is the folder `Coefficient_of_restitution` of giiulia/LabI-Dynamics-Thermodynamics, or its
-files `Method1/data.py` (drop-rebound heights) and `Method2/data.py` (intervals between the sounds
-of impacts, in steps of 1/48000 s). That repository states no licence, so nothing of it is here.
+files `Method1/data.py` (drop and rebound heights) and `Method2/data.py` (intervals between the
+sounds of impacts, in steps of 1/48000 s). That repository states no licence, so its data are not
+included here.
 
 The restitution of an impact between two flights is the launch speed of the second over the landing
-speed of the first. Without air both are g/2 times the interval; with drag a light ball lands slower
-than it was launched, and the quotient of intervals reads too low at high speed. Mass and diameter,
-which drag needs, are not in the data: the nominal ones of the sports' rules are taken, a drag
-coefficient of 0.47, and no drag for the ball that no rule describes.
+speed of the first. Without air both are g/2 times the interval. With drag a light ball lands slower
+than it was launched, and the quotient of intervals is too low at high speed. The data lack mass and
+diameter, which drag needs: the study uses the nominal ones of the sports' rules, a drag coefficient
+of 0.47, and no drag for the ball without rules.
 """
 
 import argparse

@@ -1,7 +1,6 @@
-"""A ball that bounces on a floor: flight in closed form, and the scene that simulates it.
+"""Ball that bounces on a floor: flights in closed form, and the scene that simulates it.
 
-The floor is a joint that clearjoint does not have, the drag a force that it does not have, and
-the law a contact law that it does not have: each is a subclass of a few lines.
+Floor, drag and law are user-defined: short subclasses of base classes in `clearjoint.extend`.
 """
 
 from collections.abc import Mapping
@@ -28,15 +27,15 @@ from clearjoint.extend import (
 GRAVITY = 9.81
 BALL, FLOOR, LOWEST = "ball", "floor", "lowest point"
 SLOWEST = 1e-3
-"""m/s; impacts below it are damped as at it."""
+"""Speed below which impacts have constant damping, m/s."""
 START_HEIGHT = 1e-7
-"""m above the floor, so that a run begins in flight."""
+"""Initial height above the floor, m, so that a run begins in flight."""
 
 
 def flight_time(launch: float, terminal: float) -> float:
-    """s in the air after a launch upwards (m/s) with drag along the square of the speed.
+    """Return the time of a flight after a launch upwards, s, with quadratic drag.
 
-    `terminal`: terminal speed in m/s, infinite without drag.
+    **Arguments:** `launch`, m/s; `terminal`: terminal speed, m/s, infinite without drag.
     """
     if np.isinf(terminal):
         return 2.0 * launch / GRAVITY
@@ -45,7 +44,7 @@ def flight_time(launch: float, terminal: float) -> float:
 
 
 def launch_speed(interval: float, terminal: float) -> float:
-    """m/s upwards that makes a flight last an interval in s."""
+    """Return the launch speed of a flight that lasts an interval in s, m/s."""
     vacuum = 0.5 * GRAVITY * interval
     if np.isinf(terminal):
         return vacuum
@@ -54,56 +53,56 @@ def launch_speed(interval: float, terminal: float) -> float:
 
 
 def landing_speed(launch: float, terminal: float) -> float:
-    """m/s downwards at the end of a flight."""
+    """Return the speed at the end of a flight, m/s."""
     return launch / float(np.hypot(1.0, launch / terminal))
 
 
 def fall_speed(height: Any, terminal: float) -> Any:
-    """m/s after a fall from rest from a height in m."""
+    """Return the speed after a fall from rest from a height in m, m/s."""
     if np.isinf(terminal):
         return np.sqrt(2.0 * GRAVITY * height)
     return terminal * np.sqrt(-np.expm1(-2.0 * GRAVITY * height / terminal**2))
 
 
 def rise_speed(height: Any, terminal: float) -> Any:
-    """m/s upwards that makes a ball rise to a height in m."""
+    """Return the launch speed with which a ball rises to a height in m, m/s."""
     if np.isinf(terminal):
         return np.sqrt(2.0 * GRAVITY * height)
     return terminal * np.sqrt(np.expm1(2.0 * GRAVITY * height / terminal**2))
 
 
-class Floor(cj.AbstractContactJoint):
-    """A ball's lowest point against the ground's plane y = 0, without friction."""
+class Floor(cj.extend.AbstractContactJoint):
+    """Contact of a ball's lowest point with the ground's plane y = 0, without friction."""
 
     ball: str = eqx.field(static=True)
     radius: Any = quantity("m")
-    law: cj.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    law: cj.extend.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
 
     def __check_init__(self):
         require_positive("radius", self.radius, "give it in m")
 
     def pair(self) -> tuple[str, str]:
-        """The ground and the ball."""
+        """Return the ground and the ball."""
         return cj.GROUND, self.ball
 
-    def laws(self) -> dict[str, cj.AbstractContactLaw]:
-        """The law of the one contact."""
+    def laws(self) -> dict[str, cj.extend.AbstractContactLaw]:
+        """Return the law of the one contact."""
         return {LOWEST: self.law}
 
     def contacts(self, motions: Mapping[str, Motion]) -> dict[str, Contact]:
-        """The lowest point; the force acts on the vertical through the centre."""
+        """Return the contact; its force acts on the vertical through the centre."""
         ball = motions[self.ball]
-        gap = cj.Gap(self.radius - ball.position.y, -ball.velocity.y)
+        gap = cj.extend.Gap(self.radius - ball.position.y, -ball.velocity.y)
         below = Vector(ball.position.x, 0.0, ball.position.z)
         on_ball = ball.components(UNIT_Y * -self.radius)
         return {LOWEST: Contact(gap, -UNIT_Y, below, on_ball, None)}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> None:
-        """None."""
+        """Return no friction."""
         del name, contact, normal_force
 
 
-class Drag(cj.AbstractForce):
+class Drag(cj.extend.AbstractForce):
     """Air drag m g (v/terminal speed)^2 against a body's velocity."""
 
     body: str = eqx.field(static=True)
@@ -111,11 +110,11 @@ class Drag(cj.AbstractForce):
     terminal_speed: Any = quantity("m/s")
 
     def body_names(self) -> tuple[str, ...]:
-        """The body."""
+        """Return the body."""
         return (self.body,)
 
     def wrenches(self, motions: Mapping[str, Motion], t: Scalar) -> dict[str, Wrench]:
-        """The force at the centre of mass."""
+        """Return the force at the centre of mass."""
         del t
         motion = motions[self.body]
         speed, direction = norm_and_direction(motion.velocity)
@@ -124,48 +123,50 @@ class Drag(cj.AbstractForce):
 
 
 def damping_factor(delivered: Any) -> Any:
-    """chi of Hunt-Crossley's family that delivers a restitution, to 1e-3 from 0.4 to 1.
+    """Return the factor chi of Hunt and Crossley's family that delivers a restitution.
 
-    3 (1 - e)(11 - e)/(2 (1 + 9 e)) (M. Carvalho, J. Martins 2019).
+    Accurate to 1e-3 from 0.4 to 1: 3 (1 - e)(11 - e)/(2 (1 + 9 e)) (M. Carvalho, J. Martins 2019).
     """
     return 1.5 * (1.0 - delivered) * (11.0 - delivered) / (1.0 + 9.0 * delivered)
 
 
-class RestitutionOverSpeed(cj.AbstractContactLaw):
-    """A law that delivers 1 - loss (v/(1 m/s))^power at the entry speed v of each impact.
+class RestitutionOverSpeed(cj.extend.AbstractContactLaw):
+    """Law that delivers 1 - loss (v/(1 m/s))^power at the entry speed v of each impact.
 
-    **Arguments:** `loss`, what a restitution at 1 m/s lacks to 1; `power`; `elastic`, the force
+    **Arguments:** `loss`: one minus the restitution at 1 m/s; `power`; `elastic`: law of the force
     without loss.
     """
 
     loss: Any = quantity("1")
     power: Any = quantity("1")
-    elastic: cj.Hertz  # pyright: ignore[reportGeneralTypeIssues]
-    has_memory = True
+    elastic: cj.laws.Hertz  # pyright: ignore[reportGeneralTypeIssues]
+    uses_entry_speed = True
     force_jumps = False
 
-    def force(self, gap: cj.Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force, N."""
+    def force(self, gap: cj.extend.Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the normal force, N."""
         assert entry_speed is not None
         speed = jnp.maximum(entry_speed, SLOWEST)
         damping = damping_factor(1.0 - self.loss * speed**self.power)
         return self.elastic.force(gap, None) * jnp.maximum(1.0 + damping * gap.rate / speed, 0.0)
 
-    def elastic_force(self, gap: cj.Gap) -> Scalar:
-        """K delta^n, N."""
+    def elastic_force(self, gap: cj.extend.Gap) -> Scalar:
+        """Return the elastic force K delta^n, N."""
         return self.elastic.elastic_force(gap)
 
-    def stored_energy(self, gap: cj.Gap) -> Scalar:
-        """K delta^(n+1)/(n+1), J."""
+    def stored_energy(self, gap: cj.extend.Gap) -> Scalar:
+        """Return the elastic energy K delta^(n+1)/(n+1), J."""
         return self.elastic.stored_energy(gap)
 
 
 def scene(
-    law: cj.AbstractContactLaw, mass: float, diameter: float, terminal: float = np.inf
+    law: cj.extend.AbstractContactLaw, mass: float, diameter: float, terminal: float = np.inf
 ) -> cj.Scene:
-    """A ball (kg, m) above a floor in still air, with a terminal speed in m/s."""
+    """Return a ball (mass, kg, diameter, m) above a floor in still air, with a terminal speed in
+    m/s.
+    """
     radius = 0.5 * diameter
-    drag: dict[str, cj.AbstractForce] = (
+    drag: dict[str, cj.extend.AbstractForce] = (
         {} if np.isinf(terminal) else {"drag": Drag(BALL, mass * GRAVITY, terminal)}
     )
     return cj.Scene(
@@ -177,7 +178,9 @@ def scene(
 
 
 def simulated_intervals(made: cj.Scene, first: float, terminal: float, count: int) -> np.ndarray:
-    """(count,) s between impacts, from a launch after which the first flight lasts `first` s."""
+    """Return intervals between impacts, (count,) s, from a launch whose first flight lasts `first`
+    s.
+    """
     floor = made.joints[FLOOR]
     assert isinstance(floor, Floor)
     launch = launch_speed(first, terminal)

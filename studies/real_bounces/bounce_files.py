@@ -1,9 +1,10 @@
-"""Bounce intervals and drop-rebound heights, as the repository of the data has them.
+"""Files of bounce intervals, and of drop and rebound heights.
 
 The repository giiulia/LabI-Dynamics-Thermodynamics keeps them in Python files (folders `Method1`
-and `Method2` of `Coefficient_of_restitution`): `pallina4_intervalli_h1 = np.array([...])`, a row a
-bounce and a column a throw, s; `pallina4_H0` and `pallina4_H1`, drop heights and rebounds, a row a
-height and a column a reading, cm. Their literals are read; the files are never executed.
+and `Method2` of `Coefficient_of_restitution`): `pallina4_intervalli_h1 = np.array([...])`, a row
+for each bounce and a column for each throw, s; `pallina4_H0` and `pallina4_H1`, drop and rebound
+heights, a row for each height and a column for each reading, cm. Literals are read; the files are
+never executed.
 """
 
 import ast
@@ -20,7 +21,7 @@ CENTIMETRE = 1e-2
 
 @dataclass(frozen=True)
 class Drops:
-    """`heights`: (k,) m, means of the readings; `rebounds`: (k, readings) m."""
+    """Drop heights (k,), m, means of the readings, and rebounds (k, readings), m."""
 
     heights: np.ndarray
     rebounds: np.ndarray
@@ -28,7 +29,7 @@ class Drops:
 
 @dataclass(frozen=True)
 class Measured:
-    """One ball: `series`, each (bounces, throws) of intervals between impacts in s, and `drops`."""
+    """Data of a ball: series of intervals between impacts, each (bounces, throws) s, and drops."""
 
     number: int
     series: tuple[np.ndarray, ...]
@@ -36,9 +37,9 @@ class Measured:
 
 
 def read_balls(paths: list[Path]) -> dict[int, Measured]:
-    """All balls in the given files, or in all Python files below the given folders.
+    """Read all balls in files, or in all Python files below folders.
 
-    **Raises:** `ValueError` for paths without such data, and for data that are no measurements.
+    **Raises:** `ValueError` for paths without such data, and for invalid data.
     """
     tables: dict[str, np.ndarray] = {}
     for path in paths:
@@ -75,7 +76,7 @@ def _ball(number: int, tables: dict[str, np.ndarray]) -> Measured:
 
 
 def _tables(file: Path) -> dict[str, np.ndarray]:
-    """Arrays of intervals and heights in a file, by name."""
+    """Return the arrays of intervals and heights in a file by name."""
     if not file.is_file():
         raise ValueError(f"{file} is not there: give a file or a folder.")
     try:
@@ -92,7 +93,7 @@ def _tables(file: Path) -> dict[str, np.ndarray]:
 
 
 def _literal(node: ast.Assign, where: str) -> np.ndarray:
-    """The rows of numbers in `np.array([...])`."""
+    """Return the rows of numbers in `np.array([...])`."""
     try:
         assert isinstance(node.value, ast.Call)
         rows = ast.literal_eval(node.value.args[0])

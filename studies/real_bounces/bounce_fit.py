@@ -10,19 +10,20 @@ from studies.real_bounces.ball import fall_speed, landing_speed, launch_speed, r
 from studies.real_bounces.bounce_files import Drops
 
 OUTLIER = 5.0
-"""Scatters from the median of its cell beyond which a point is left out."""
+"""Distance from the median of a cell, in scatters, beyond which a point is left out."""
 WITHIN_ONE = 0.6827
-"""Share of a normal distribution within one standard deviation."""
+"""Fraction of a normal distribution within one standard deviation."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """Restitutions found, of N impacts.
+    """Restitutions of N impacts.
 
-    - `speed`: (N,) m/s at the impacts; `restitution`: (N,); `scatter`: one standard deviation of
-      it among impacts of like circumstances (its cell).
+    - `speed`: (N,) impact speeds, m/s.
+    - `restitution`: (N,).
+    - `scatter`: standard deviation of the restitution among impacts of one cell.
     - `cell`: (N,) number of the cell: a bounce of a series, or a drop height.
-    - `left_out`: why points were not used, a line each.
+    - `left_out`: reasons for points left out, a line each.
     """
 
     speed: np.ndarray
@@ -32,7 +33,7 @@ class Points:
     left_out: tuple[str, ...]
 
     def means(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Speed, restitution and its standard error of each cell."""
+        """Return speed, restitution and its standard error of each cell."""
         cells = [self.cell == number for number in np.unique(self.cell)]
         speed, restitution = (
             np.array([values[cell].mean() for cell in cells])
@@ -42,9 +43,10 @@ class Points:
 
 
 def from_intervals(series: tuple[np.ndarray, ...], terminal: float) -> Points:
-    """Each impact between two flights: launch speed of the second over landing speed of the first.
+    """Return the restitutions of impacts between two flights.
 
-    A throw is used up to an interval that repeats the one before to the last digit: a copy.
+    A throw is used up to an interval that repeats the one before to the last digit, which is a
+    copy.
     """
     rows, left_out = [], []
     for number, intervals in enumerate(series):
@@ -64,13 +66,13 @@ def from_intervals(series: tuple[np.ndarray, ...], terminal: float) -> Points:
 
 
 def whole(intervals: np.ndarray) -> np.ndarray:
-    """The intervals of a throw up to the first that is a copy of the one before."""
+    """Return the intervals of a throw up to the first that copies the one before."""
     copies = np.flatnonzero(np.diff(intervals) == 0.0)
     return intervals if len(copies) == 0 else intervals[: copies[0] + 1]
 
 
 def from_drops(drops: Drops, terminal: float) -> Points:
-    """Each drop: the speed that makes the ball rise so high, over that of the fall."""
+    """Return the restitutions of drops: speed of the rebound over speed of the fall."""
     rows = [
         (fall_speed(height, terminal), rise_speed(reading, terminal), number)
         for number, (height, readings) in enumerate(zip(drops.heights, drops.rebounds, strict=True))
@@ -80,7 +82,7 @@ def from_drops(drops: Drops, terminal: float) -> Points:
 
 
 def _clean(rows: list[tuple[float, float, int]], left_out: list[str]) -> Points:
-    """Points within `OUTLIER` scatters of the median of their cell."""
+    """Return the points within `OUTLIER` scatters of the median of their cell."""
     speed, restitution, cell = (np.array(column) for column in zip(*rows, strict=True))
     numbers, where = np.unique(cell, return_inverse=True)
     medians = np.array([np.median(restitution[cell == number]) for number in numbers])
@@ -101,27 +103,27 @@ def _clean(rows: list[tuple[float, float, int]], left_out: list[str]) -> Points:
 
 @dataclass(frozen=True)
 class Fit:
-    """e = 1 - loss (v/(1 m/s))^power by weighted least squares.
+    """Fit of e = 1 - loss (v/(1 m/s))^power by weighted least squares.
 
     - `values`: (loss, power); the power is 0 for a constant.
-    - `errors`: their standard errors; `covariance` (p, p) of those estimated. Both are widened by
-      the square root of chi^2 over the degrees of freedom where that exceeds one: cells differ by
-      more than their scatter explains.
-    - `chi2`, `freedom`: of the points.
+    - `errors`: standard errors; `covariance`: of the estimated values, (p, p). Both are widened by
+      the square root of chi^2 over the degrees of freedom if that exceeds one: cells differ by more
+      than their scatter explains.
+    - `chi2`, `degrees_of_freedom`: of the points.
     """
 
     values: tuple[float, float]
     errors: tuple[float, float]
     covariance: np.ndarray
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
 
     def at(self, speed: np.ndarray) -> np.ndarray:
-        """Restitution at speeds in m/s."""
+        """Return the restitution at speeds in m/s."""
         return restitution_at(np.array(self.values), speed)
 
     def error_at(self, speed: np.ndarray) -> np.ndarray:
-        """Standard error of the restitution at speeds in m/s."""
+        """Return the standard error of the restitution at speeds in m/s."""
         loss, power = self.values
         slopes = np.stack([speed**power, loss * speed**power * np.log(speed)])
         slopes = slopes[: len(self.covariance)]
@@ -129,12 +131,12 @@ class Fit:
 
     @property
     def akaike(self) -> float:
-        """chi^2 + 2 p, in units of the scatter of the points."""
+        """Akaike's criterion chi^2 + 2 p, in units of the scatter of the points."""
         return self.chi2 + 2 * len(self.covariance)
 
 
 def restitution_at(values: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """1 - loss v^power; the power is 0 unless given."""
+    """Return 1 - loss v^power; the power is 0 unless given."""
     power = values[1] if len(values) > 1 else 0.0
     return 1.0 - values[0] * speed**power
 
@@ -149,17 +151,17 @@ def fit(points: Points, constant: bool) -> Fit:
 
     start = [loss] if constant else [loss, 0.0]
     found = least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12)
-    freedom = len(points.speed) - len(start)
+    degrees_of_freedom = len(points.speed) - len(start)
     chi2 = 2.0 * float(found.cost)
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * max(1.0, chi2 / freedom)
+    covariance = np.linalg.inv(found.jac.T @ found.jac) * max(1.0, chi2 / degrees_of_freedom)
     errors = np.sqrt(np.diag(covariance))
     values = (float(found.x[0]), 0.0 if constant else float(found.x[1]))
     spread = (float(errors[0]), 0.0 if constant else float(errors[1]))
-    return Fit(values, spread, covariance, chi2, freedom)
+    return Fit(values, spread, covariance, chi2, degrees_of_freedom)
 
 
 def requested(law: type, delivered: float) -> float | None:
-    """The restitution to request of a law of clearjoint, or ``None`` if it can't deliver that."""
+    """Return the restitution to request of a law, or ``None`` if it cannot deliver one."""
 
     def lacking(value: float) -> float:
         return float(law(value, 1.0).delivered_restitution()) - delivered
@@ -170,4 +172,4 @@ def requested(law: type, delivered: float) -> float | None:
     return float(root_scalar(lacking, bracket=(lowest, 1.0), xtol=1e-12).root)
 
 
-LAWS = (cj.HuntCrossley, cj.LankaraniNikravesh, cj.Flores2011)
+LAWS = (cj.laws.HuntCrossley, cj.laws.LankaraniNikravesh, cj.laws.Flores2011)

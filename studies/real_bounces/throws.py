@@ -1,4 +1,4 @@
-"""Balls with their fits, and their throws simulated."""
+"""Fits of balls, and simulations of their throws."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import clearjoint as cj
+from studies.common.report import markdown
 from studies.real_bounces.ball import (
     GRAVITY,
     RestitutionOverSpeed,
@@ -28,14 +29,15 @@ from studies.real_bounces.bounce_fit import (
 
 AIR_DENSITY, DRAG_COEFFICIENT = 1.2, 0.47
 STIFFNESS = 1e8
-"""N/m^1.5; intervals don't tell it. Contacts last half a ms at most, and count as no time in the
-restitutions; real ones of soft balls last some ms, one in a hundred of an interval."""
+"""Stiffness, N/m^1.5, which intervals do not determine. Simulated contacts last half a millisecond
+at most; those of soft balls last some milliseconds, a hundredth of an interval.
+"""
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball's name, mass kg and diameter m, and whether these are known well enough for drag."""
+    """Name, mass, kg, and diameter, m, of a ball, and whether these are known."""
 
     name: str
     mass: float
@@ -57,13 +59,15 @@ BALLS = {
     3: Ball("tennis", 57.7e-3, 67e-3),
     4: Ball("golf", 45.9e-3, 42.7e-3),
 }
-"""By the number in the files, whose comments name them; nominal masses and diameters."""
+"""Balls by their number in the files, whose comments name them, with nominal masses and diameters.
+"""
 
 
 @dataclass(frozen=True)
 class Studied:
-    """A ball's points and fits: of its intervals (`fit`, and `constant`), with drag; `vacuum`: of
-    the same without; `drops`: of its heights."""
+    """Points and fits of a ball: of its intervals with drag (`fit`, `constant`) and without
+    (`vacuum`), and of its drop heights (`drops`).
+    """
 
     ball: Ball
     measured: Measured
@@ -77,7 +81,7 @@ class Studied:
 
 
 def study(measured: Measured) -> Studied:
-    """Points and fits of one ball with intervals."""
+    """Fit one ball with intervals."""
     ball = BALLS.get(measured.number, Ball(f"ball {measured.number}", 20e-3, 40e-3, False))
     points = from_intervals(measured.series, ball.terminal)
     vacuum = from_intervals(measured.series, np.inf)
@@ -96,12 +100,12 @@ def study(measured: Measured) -> Studied:
 
 
 def chains(studied: Studied, quick: bool) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Number of the series, measured and simulated intervals of each throw.
+    """Yield the number of the series, and measured and simulated intervals of each throw.
 
-    The simulation is given the first interval of the throw and the law of all throws.
+    The simulation uses the first interval of the throw and the law of all throws.
     """
     ball, terminal = studied.ball, studied.ball.terminal
-    law = RestitutionOverSpeed(*studied.fit.values, cj.Hertz(STIFFNESS))
+    law = RestitutionOverSpeed(*studied.fit.values, cj.laws.Hertz(STIFFNESS))
     made = scene(law, ball.mass, ball.diameter, terminal)
     for number, series in enumerate(studied.measured.series):
         for throw in series.T[:1] if quick else series.T:
@@ -111,9 +115,9 @@ def chains(studied: Studied, quick: bool) -> Iterator[tuple[int, np.ndarray, np.
 
 
 def deviations(studied: Studied, pairs: list[tuple[int, np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Logarithm of measured over simulated intervals in the scatter that as many impacts explain.
+    """Return the logarithm of measured over simulated intervals, relative to its expected scatter.
 
-    After n impacts an interval scatters by sqrt(n) times what a restitution scatters by.
+    After n impacts an interval scatters by sqrt(n) times the scatter of a restitution.
     """
     found = []
     for _, measured, simulated in pairs:
@@ -123,18 +127,15 @@ def deviations(studied: Studied, pairs: list[tuple[int, np.ndarray, np.ndarray]]
     return np.concatenate(found)
 
 
-def _table(rows: list[tuple[str, ...]]) -> str:
-    head, *body = rows
-    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *body)) + "\n"
-
-
 def _shown(found: Fit) -> str:
     (loss, power), (loss_error, power_error) = found.values, found.errors
     return f"{loss:.4f} ± {loss_error:.4f} | {power:.2f} ± {power_error:.2f}"
 
 
 def fit_table(studies: list[Studied]) -> str:
-    """e = 1 - loss v^power of each ball, from intervals with and without drag, and from drops."""
+    """Return the table of e = 1 - loss v^power of each ball, from intervals with and without drag,
+    and from drops.
+    """
     rows: list[tuple[str, ...]] = [
         ("ball", "from", "points", "speeds, m/s", "scatter of e", "loss", "power", "chi²/N",
          "Akaike over constant")
@@ -159,53 +160,53 @@ def fit_table(studies: list[Studied]) -> str:
                     f"{points.speed.min():.2f} to {points.speed.max():.2f}",
                     f"{points.scatter:.4f}",
                     _shown(found),
-                    f"{found.chi2 / found.freedom:.2f}",
+                    f"{found.chi2 / found.degrees_of_freedom:.2f}",
                     f"{found.akaike - constant.akaike:+.1f}",
                 )
             )
-    return _table(rows)
+    return markdown(rows) + "\n"
 
 
 def request_table(studies: list[Studied]) -> str:
-    """What to request of each law for the restitution at 2 m/s."""
+    """Return the table of restitutions to request of each law for the restitution at 2 m/s."""
     rows = [("ball", "e at 2 m/s", *(law.__name__ for law in LAWS))]
     for studied in studies:
         speed = np.array([2.0])
         delivered, error = studied.fit.at(speed)[0], studied.fit.error_at(speed)[0]
-        asked = [requested(law, delivered) for law in LAWS]
+        requests = [requested(law, delivered) for law in LAWS]
         rows.append(
             (
                 studied.ball.name,
                 f"{delivered:.4f} ± {error:.4f}",
-                *("cannot" if value is None else f"{value:.4f}" for value in asked),
+                *("cannot" if value is None else f"{value:.4f}" for value in requests),
             )
         )
-    return _table(rows)
+    return markdown(rows) + "\n"
 
 
 def chain_table(
     studies: list[Studied], simulated: list[list[tuple[int, np.ndarray, np.ndarray]]]
 ) -> str:
-    """How measured intervals lie about the simulated ones."""
-    rows = [("ball", "throws", "intervals", "rms deviation, %", "in scatters: rms", "within 2")]
+    """Return the table of deviations of measured from simulated intervals."""
+    rows = [("ball", "throws", "intervals", "rms deviation, %", "rms in scatters", "within 2")]
     for studied, pairs in zip(studies, simulated, strict=True):
         ratios = np.concatenate([np.log(m[1 : len(s)] / s[1:]) for _, m, s in pairs])
-        away = deviations(studied, pairs)
+        scatters = deviations(studied, pairs)
         rows.append(
             (
                 studied.ball.name,
                 f"{len(pairs)}",
                 f"{len(ratios)}",
                 f"{100 * np.sqrt(np.mean(ratios**2)):.2f}",
-                f"{np.sqrt(np.mean(away**2)):.2f}",
-                f"{100 * np.mean(np.abs(away) < 2.0):.0f} %",
+                f"{np.sqrt(np.mean(scatters**2)):.2f}",
+                f"{100 * np.mean(np.abs(scatters) < 2.0):.0f} %",
             )
         )
-    return _table(rows)
+    return markdown(rows) + "\n"
 
 
 def restitution_figure(studies: list[Studied]) -> Figure:
-    """Restitution over speed, points of all methods and the fit; residuals below."""
+    """Draw restitution over speed, points of all methods and the fit, with residuals below."""
     figure = Figure(figsize=(3.4 * len(studies), 5.6), layout="constrained")
     axes = figure.subplots(2, len(studies), sharex="col", height_ratios=(2, 1), squeeze=False)
     for studied, (top, bottom) in zip(studies, axes.T, strict=True):
@@ -242,8 +243,9 @@ def _draw_points(studied: Studied, top: Axes, bottom: Axes) -> None:
 def chain_figure(
     studies: list[Studied], simulated: list[list[tuple[int, np.ndarray, np.ndarray]]]
 ) -> Figure:
-    """Intervals by number, measured (mean and scatter of throws) and simulated; below, how far
-    measured ones deviate, over twice the scatter expected."""
+    """Draw measured and simulated intervals by number, and below their deviations over twice the
+    expected scatter.
+    """
     figure = Figure(figsize=(3.4 * len(studies), 5.6), layout="constrained")
     axes = figure.subplots(2, len(studies), sharex="col", height_ratios=(2, 1), squeeze=False)
     for studied, pairs, (top, bottom) in zip(studies, simulated, axes.T, strict=True):

@@ -1,1 +1,1 @@
-"""A swinging pendulum, measured by others."""
+"""Measured swinging pendulum."""

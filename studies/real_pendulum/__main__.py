@@ -1,11 +1,11 @@
-"""A pendulum's free swing, measured by others: length and friction, by sensitivities.
+"""Measured free swings of a pendulum: length and friction.
 
     python -m studies.real_pendulum PATH [PATH...] [--output FOLDER] [--quick]
 
-The first swing is fitted, with viscous friction, Coulomb's, one along the square of the speed, and
+The first swing is fitted with viscous friction, Coulomb friction, quadratic friction, and
 combinations of these. All others (further swings of the same file, and of further files) test the
-estimates: of them, only the start and the vertical are fitted. Files of three repositories are
-read:
+estimates: only their start and vertical are fitted. Files of three repositories are read, which are
+not included here:
 
 - dynamicslab/MultiArm-Pendulum (MIT), folders `ParameterEstimation/SinglePendulum` and
   `Datas/SinglePendulum`: a bench pendulum with an optical encoder, 1 or 10 kHz;
@@ -13,8 +13,6 @@ read:
   `software/modelling/experiment/damping_coefficient`: three swings of a small one, 1 kHz;
 - erwincoumans/tiny-differentiable-simulator (Apache-2.0), folder `data/schmidt-lipson-exp-data`:
   `real_pend_h_1.txt` of M. Schmidt and H. Lipson 2009, by motion tracking, unit of time unknown.
-
-Nothing of them is here.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Measured swings fitted and predicted, as tables and a figure."""
+"""Fits and predictions of measured swings, as tables and a figure."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import clearjoint as cj
+from studies.common.report import markdown
 from studies.real_pendulum.pendulum import GRAVITY
 from studies.real_pendulum.swing_files import Swing, read_swings
 from studies.real_pendulum.swing_fits import (
@@ -26,28 +27,29 @@ MODELS = {
     ALL: ("viscous", "coulomb", "quadratic"),
 }
 SAMPLES = 40
-"""A period; more tell nothing new of residuals that are correlated over periods."""
+"""Samples in a period; more add no information where residuals are correlated over periods."""
 QUICK_SAMPLES, QUICK_PERIODS = 20, 8.0
 BLUE = "#0072B2"
 LINES = (("#999999", "-"), ("#D55E00", "--"), ("#009E73", "-"), (BLUE, "--"))
-"""Colours and dashes of the models: dashes show what lies below, where two find the same."""
+"""Colours and dashes of the models; dashes show lower curves where two coincide."""
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """The first swing with its fits by model, the tests of each on other swings, and for comparison
-    the fits of all frictions to these. `identified`: `cj.identify` on the first swing."""
+    """Fits of the first swing by model, their tests on other swings, and for comparison fits of all
+    frictions to these. `identified`: `cj.identify` on the first swing.
+    """
 
     swing: Swing
     fits: dict[str, SwingFit]
     others: list[Swing]
     tests: dict[str, list[SwingFit]]
     own: list[SwingFit]
-    identified: cj.Fit
+    identified: cj.results.Fit
 
 
 def study(swings: list[Swing]) -> Fitted:
-    """Fit the first swing, test on the others."""
+    """Fit the first swing, and test the fits on the others."""
     first, *others = swings
     rough = roughly(first)
     fits = {name: fit_frictions(first, rough, frictions) for name, frictions in MODELS.items()}
@@ -59,7 +61,7 @@ def study(swings: list[Swing]) -> Fitted:
 
 
 def prepared(path: Path, quick: bool) -> list[Swing]:
-    """The swings of a file, from where they are free, thinned."""
+    """Return the free swings of a file with fewer samples."""
     swings = []
     for swing in read_swings(path):
         free = swing.free()
@@ -71,13 +73,8 @@ def prepared(path: Path, quick: bool) -> list[Swing]:
     return swings
 
 
-def _table(rows: list[tuple[str, ...]]) -> str:
-    head, *body = rows
-    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ("---",) * len(head), *body)) + "\n"
-
-
 def table(fitted: Fitted) -> str:
-    """Estimates of each model, what they leave of the fitted swing, and of the others."""
+    """Return the table of estimates and residuals of each model."""
     head = ("friction", "length, m", "viscous, 10⁻³ s", "Coulomb, 10⁻³", "quadratic, 10⁻³ s²")
     predicted = [f"predicted rms {k}" for k, _ in enumerate(fitted.others, 2)]
     rows: list[tuple[str, ...]] = [(*head, "rms, mrad", "correlation", *predicted)]
@@ -87,7 +84,7 @@ def table(fitted: Fitted) -> str:
     for k, found in enumerate(fitted.own, 2):
         rows.append((f"{ALL}, own fit of {k}", *_estimates(found), *("" for _ in fitted.own)))
     names = [f"{k}: {swing.name}" for k, swing in enumerate([fitted.swing, *fitted.others], 1)]
-    return "\n".join([*names, "", _table(rows)])
+    return "\n".join([*names, "", markdown(rows), ""])
 
 
 def _estimates(found: SwingFit) -> tuple[str, ...]:
@@ -109,7 +106,9 @@ def _shown(found: SwingFit, name: str, scale: float, digits: int) -> str:
 
 
 def error_table(fitted: Fitted) -> str:
-    """Standard errors of the last model, with and without correlation of the residuals."""
+    """Return the table of standard errors of the last model, with and without correlation of
+    residuals.
+    """
     found = fitted.fits[ALL]
     rows = [("of all three", "estimate", "standard error", "if residuals were independent")]
     for name in found.names:
@@ -120,11 +119,13 @@ def error_table(fitted: Fitted) -> str:
         rows.append((name, f"{getattr(found.pendulum, name):.6g}", errors[0], errors[1]))
     rate = 2.0 * np.pi * np.sqrt(found.pendulum.length / GRAVITY)
     rows.append(("period of small swings, s", f"{rate:.6g}", "", ""))
-    return _table(rows)
+    return markdown(rows) + "\n"
 
 
 def figure(fitted: Fitted) -> Figure:
-    """Each swing with the fit or test of the last model; below, residuals of all models."""
+    """Draw each swing with the fit or test of the last model, and below the residuals of all
+    models.
+    """
     swings = [fitted.swing, *fitted.others]
     drawn = Figure(figsize=(max(6.0, 4.2 * len(swings)), 6.4), layout="constrained")
     axes = drawn.subplots(2, len(swings), squeeze=False, sharex="col")

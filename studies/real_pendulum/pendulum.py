@@ -1,8 +1,8 @@
-"""A pendulum with friction at its hinge, and its motion with sensitivities.
+"""Pendulum with friction at its hinge, and its motion with sensitivities.
 
-A free swing tells ratios alone. The scene therefore has a weight whose greatest moment is 1 N m:
-friction comes out relative to it, and inertia as the length of the mathematical pendulum that
-swings alike.
+A free swing determines ratios only. The scene therefore has a weight whose largest moment is 1 N m:
+friction is relative to it, and inertia is given by the length of the equivalent mathematical
+pendulum.
 """
 
 from dataclasses import dataclass, replace
@@ -18,17 +18,17 @@ from clearjoint.extend import Scalar, quantity, require_positive
 GRAVITY = 9.81
 ARM, HINGE, FRICTION = "arm", "hinge", "friction"
 DISTANCE = 0.01
-"""Of the centre of mass from the hinge, m."""
+"""Distance of the centre of mass from the hinge, m."""
 MASS = 1.0 / (GRAVITY * DISTANCE)
-"""kg, so that the weight's greatest moment is 1 N m."""
+"""Mass, kg, for which the largest moment of the weight is 1 N m."""
 RTOL, MAX_STEPS = 1e-8, 200_000
 
 
-class HingeFriction(cj.AbstractDriveTorque):
-    """Viscous friction, Coulomb's (smoothed below a speed) and one along the square of the speed.
+class HingeFriction(cj.extend.AbstractDriveTorque):
+    """Viscous friction, Coulomb friction (smoothed below a speed) and quadratic friction.
 
-    **Arguments:** as `PrescribedRotation`; `viscous` N m s/rad, `coulomb` N m, `quadratic`
-    N m s^2/rad^2, `regularisation_speed` rad/s.
+    **Arguments:** as `PrescribedRotation`; `viscous` N m s/rad, `coulomb` N m, `quadratic` N m
+    s^2/rad^2, `regularisation_speed` rad/s.
     """
 
     first: str = eqx.field(static=True)
@@ -44,7 +44,7 @@ class HingeFriction(cj.AbstractDriveTorque):
         require_positive("regularisation_speed", self.regularisation_speed, "give it in rad/s")
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Against the speed."""
+        """Return the torque against the speed."""
         del angle, t
         dry = self.coulomb * jnp.tanh(speed / self.regularisation_speed)
         return -(self.viscous * speed + dry + self.quadratic * speed * jnp.abs(speed))
@@ -52,11 +52,11 @@ class HingeFriction(cj.AbstractDriveTorque):
 
 @dataclass(frozen=True)
 class Pendulum:
-    """What a swing tells.
+    """Parameters of a swing.
 
-    - `length`: m, of the mathematical pendulum that swings alike.
+    - `length`: of the equivalent mathematical pendulum, m.
     - `viscous` s/rad, `coulomb` 1, `quadratic` s^2/rad^2: moments of friction over the weight's.
-    - `vertical`: rad, the measured angle of hanging.
+    - `vertical`: measured angle at rest, rad.
     - `angle` rad, `speed` rad/s: at the start.
     """
 
@@ -69,7 +69,7 @@ class Pendulum:
     speed: float
 
     def scene(self) -> cj.Scene:
-        """The arm, its hinge and its friction."""
+        """Return the scene: arm, hinge and friction."""
         inertia = MASS * DISTANCE * (self.length - DISTANCE)
         axis = (0.0, 0.0, 1.0)
         return cj.Scene(
@@ -88,7 +88,7 @@ class Pendulum:
         )
 
     def state(self) -> cj.State:
-        """At the start."""
+        """Return the initial state."""
         return _state(np, self.angle, self.speed)
 
 
@@ -126,11 +126,11 @@ def _moments(scene: cj.Scene) -> list[Any]:
 
 
 SMALL = cj.Linear(1e-3)
-"""The scale of what is a small part of one."""
+"""Scale of small fractions of one."""
 
 
 def parameters(pendulum: Pendulum) -> dict[str, cj.Parameter]:
-    """All that can be estimated, by the names of `Pendulum`."""
+    """Return all parameters, by the names of `Pendulum`."""
     return {
         "length": cj.Parameter(_moments, cj.Log()),
         "viscous": cj.Parameter(lambda scene: scene.forces[FRICTION].viscous, SMALL),
@@ -143,9 +143,9 @@ def parameters(pendulum: Pendulum) -> dict[str, cj.Parameter]:
 
 
 def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Angles (N,) at times, rad, and their derivatives (N,) to each field of the pendulum.
+    """Return angles (N,) at times, rad, and their derivatives (N,) by each field of the pendulum.
 
-    Always to all fields: one program then serves all fits.
+    All fields are always included, so that one program serves all fits.
     """
     known = parameters(pendulum)
     found = cj.sensitivities(

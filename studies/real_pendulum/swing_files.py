@@ -1,10 +1,10 @@
-"""Swings of pendulums, as the repositories of the data have them.
+"""Files of swings in three formats.
 
 - MATLAB files of dynamicslab/MultiArm-Pendulum: `Time_id`, `Y_id`, `Time_vad`, `Y_vad` (consecutive
-  pieces of one swing to fit, and of its end to validate by; angle and speed in rad and rad/s, from
-  the upright), or `Theta1` (one swing).
-- Text of jensen-benard/rotary-inverted-pendulum: a line of names, a line of values, among them the
-  samples a second, then one angle in degrees a line.
+  pieces of one swing, the first for fits and the last for validation; angle and speed in rad and
+  rad/s, from the upright), or `Theta1` (one swing).
+- Text of jensen-benard/rotary-inverted-pendulum: a line of names, a line of values with the
+  sampling rate, then one angle in degrees a line.
 - Text of Schmidt and Lipson 2009, in erwincoumans/tiny-differentiable-simulator: a header such as
   `% o v`, then trial, t, angle in rad and further columns.
 """
@@ -22,29 +22,31 @@ HELD_BY_HAND = "trigger_start_deg"
 
 @dataclass(frozen=True)
 class Swing:
-    """`times`: (N,) s, rising; `angles`: (N,) rad from hanging."""
+    """Increasing times (N,), s, and angles from rest (N,), rad."""
 
     name: str
     times: np.ndarray
     angles: np.ndarray
 
     def free(self) -> "Swing":
-        """From the first passage through the vertical on: before, a hand may have held it."""
+        """Return the swing from the first passage through the vertical on: before, a hand may have
+        held it.
+        """
         middle = 0.5 * (self.angles.max() + self.angles.min())
         below = self.angles < middle
         first = int(np.flatnonzero(below[1:] != below[:-1])[0])
         return Swing(self.name, self.times[first:], self.angles[first:])
 
     def thinned(self, interval: float) -> "Swing":
-        """Samples about an interval in s apart."""
+        """Return samples about an interval in s apart."""
         step = max(1, round(interval / float(np.median(np.diff(self.times)))))
         return Swing(self.name, self.times[::step], self.angles[::step])
 
 
 def read_swings(path: Path) -> list[Swing]:
-    """The swings in a file.
+    """Read the swings in a file.
 
-    **Raises:** `ValueError` for a file of another kind, or with values that are no swing.
+    **Raises:** `ValueError` for a file of another kind, or with invalid values.
     """
     if not path.is_file():
         raise ValueError(f"{path} is not there: give a file.")
@@ -95,7 +97,7 @@ def _matlab(path: Path) -> list[Swing]:
 
 
 def _pieces(path: Path, content: dict[str, Any], name: str) -> Swing:
-    """Consecutive pieces joined."""
+    """Return consecutive pieces joined."""
     times = np.concatenate([piece.ravel() for piece in content[f"Time_{name}"][:, 0]])
     angles = np.concatenate([piece[0] for piece in content[f"Y_{name}"][:, 0]]) - np.pi
     return Swing(f"{path.stem}, {name}", times, angles)

@@ -1,4 +1,4 @@
-"""The pendulum fitted to measured swings by sensitivities."""
+"""Fits of the pendulum to measured swings by sensitivities."""
 
 from dataclasses import dataclass, replace
 
@@ -18,17 +18,17 @@ from studies.real_pendulum.pendulum import (
 from studies.real_pendulum.swing_files import Swing
 
 TOLERANCE = 1e-2
-"""Standard deviations; the errors of runs at `RTOL` hide what is smaller."""
+"""Tolerance in standard deviations; errors of runs at `RTOL` hide smaller changes."""
 
 
 @dataclass(frozen=True)
 class SwingFit:
-    """A pendulum fitted to a swing.
+    """Fit of a pendulum to a swing.
 
-    - `pendulum`: the estimates; `names`: of what was estimated.
-    - `errors`: standard errors by name, by a sandwich of Newey and West, which allows for residuals
-      that are correlated over `LAGS` periods; `naive`: as if they were independent.
-    - `residuals`: (N,) rad, measured less fitted.
+    - `pendulum`: estimates; `names`: estimated parameters.
+    - `errors`: standard errors by name, after Newey and West, for residuals that are correlated
+      over `LAGS` periods; `naive`: as if residuals were independent.
+    - `residuals`: (N,) measured minus fitted angles, rad.
     - `evaluations`: runs with derivatives.
     """
 
@@ -46,20 +46,20 @@ class SwingFit:
 
     @property
     def correlation(self) -> float:
-        """Of residuals that follow each other."""
+        """Correlation of successive residuals."""
         return float(np.corrcoef(self.residuals[:-1], self.residuals[1:])[0, 1])
 
 
 LAGS = 2.0
 FRICTIONS = ("viscous", "coulomb", "quadratic")
 SIZES = dict.fromkeys((*FRICTIONS, "length", "vertical"), 1e-3) | {"angle": 0.1, "speed": 1.0}
-"""Steps to try first."""
+"""Scales of the first steps."""
 
 
 def fit(swing: Swing, start: Pendulum, names: tuple[str, ...]) -> SwingFit:
-    """Estimate named fields of a pendulum by least squares, with frictions that are not negative.
+    """Estimate named fields of a pendulum by least squares, with non-negative frictions.
 
-    A friction that ends at zero is taken as known to be zero: it has no error.
+    A friction that ends at zero is taken as known to be zero and has no error.
     """
     seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -100,21 +100,24 @@ def fit(swing: Swing, start: Pendulum, names: tuple[str, ...]) -> SwingFit:
 def standard_errors(
     slopes: np.ndarray, residuals: np.ndarray, lags: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) of least squares with slopes (N, p): those that allow for correlation of
-    residuals up to a number of lags (W. Newey, K. West 1987), and the naive ones."""
+    """Return standard errors (p,) of least squares with slopes (N, p).
+
+    The first allow for correlation of residuals up to a number of lags (W. Newey, K. West 1987),
+    the second do not.
+    """
     inverse = np.linalg.inv(slopes.T @ slopes)
     scores = slopes * residuals[:, None]
     middle = scores.T @ scores
     for lag in range(1, lags + 1):
         product = scores[lag:].T @ scores[:-lag]
         middle += (1.0 - lag / (lags + 1)) * (product + product.T)
-    freedom = len(residuals) - slopes.shape[1]
-    naive = inverse * float(residuals @ residuals) / freedom
+    degrees_of_freedom = len(residuals) - slopes.shape[1]
+    naive = inverse * float(residuals @ residuals) / degrees_of_freedom
     return np.sqrt(np.diag(inverse @ middle @ inverse)), np.sqrt(np.diag(naive))
 
 
 def crossings(swing: Swing) -> np.ndarray:
-    """Times of passages through the middle, s."""
+    """Return the times of passages through the middle, s."""
     away = swing.angles - 0.5 * (swing.angles.max() + swing.angles.min())
     k = np.flatnonzero((away[1:] < 0.0) != (away[:-1] < 0.0))
     share = away[k] / (away[k] - away[k + 1])
@@ -122,12 +125,12 @@ def crossings(swing: Swing) -> np.ndarray:
 
 
 def period(swing: Swing) -> float:
-    """Twice the median time between passages through the middle, s."""
+    """Return twice the median time between passages through the middle, s."""
     return 2.0 * float(np.median(np.diff(crossings(swing))))
 
 
 def guess(swing: Swing) -> Pendulum:
-    """Length by the first period and amplitude, little friction.
+    """Return a guess: length by the first period and amplitude, little friction.
 
     **Raises:** `ValueError` for less than a period.
     """
@@ -147,15 +150,16 @@ def guess(swing: Swing) -> Pendulum:
 
 WITHOUT_FRICTION = ("length", "vertical", "angle", "speed")
 START = ("vertical", "angle", "speed")
-"""What is of each swing its own."""
+"""Parameters that differ from swing to swing."""
 
 GROW = (2.0, 6.0, 20.0)
-"""Periods of the parts that are fitted before the whole swing: with a length that is a little wrong
-a run would else be half a swing behind at the end, and a fit would stay there."""
+"""Ends of the parts that are fitted before the whole swing, in periods. With a slightly wrong
+length a long run would end half a swing apart, and a fit would stay there.
+"""
 
 
 def roughly(swing: Swing) -> Pendulum:
-    """A pendulum with viscous friction alone, by fits to growing parts of a swing."""
+    """Return a pendulum with viscous friction only, by fits to growing parts of a swing."""
     pendulum, names = guess(swing), ("viscous", *WITHOUT_FRICTION)
     since = swing.times - swing.times[0]
     for periods in GROW:
@@ -166,12 +170,12 @@ def roughly(swing: Swing) -> Pendulum:
 
 
 def fit_frictions(swing: Swing, rough: Pendulum, frictions: tuple[str, ...]) -> SwingFit:
-    """Fit all of a swing with some of the frictions, which begin with like shares of the loss."""
+    """Fit the whole swing with some frictions, which begin with equal shares of the loss."""
     return fit(swing, shared(rough, frictions), (*frictions, *WITHOUT_FRICTION))
 
 
 def shared(rough: Pendulum, frictions: tuple[str, ...]) -> Pendulum:
-    """The pendulum with its viscous friction shared out between some frictions."""
+    """Return the pendulum with its viscous friction divided among some frictions."""
     mean_speed = 0.5 * abs(rough.speed)
     share = rough.viscous / len(frictions)
     alike = {"viscous": share, "coulomb": share * mean_speed, "quadratic": share / mean_speed}
@@ -179,16 +183,16 @@ def shared(rough: Pendulum, frictions: tuple[str, ...]) -> Pendulum:
 
 
 def fit_start(swing: Swing, known: Pendulum) -> SwingFit:
-    """Fit the start of a swing of a pendulum that is known."""
+    """Fit the start of a swing of a known pendulum."""
     own = guess(swing)
     return fit(swing, replace(known, vertical=0.0, angle=own.angle, speed=own.speed), START)
 
 
-def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.Fit:
-    """What `cj.identify` makes of the same swing, with the noise that the residuals show.
+def identified(swing: Swing, found: SwingFit, rough: Pendulum) -> cj.results.Fit:
+    """Fit the same swing by `cj.identify`, with the noise that the residuals show.
 
-    It estimates what in `found` did not end at zero, from a rough pendulum on: the same minimum by
-    another way.
+    It estimates the parameters that did not end at zero in `found`, from a rough pendulum on, and
+    should find the same minimum.
     """
     names = tuple(found.errors)
     begin = shared(rough, tuple(name for name in names if name in FRICTIONS))

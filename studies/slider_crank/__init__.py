@@ -1,1 +1,1 @@
-"""A driven slider-crank whose slider pin has clearance."""
+"""Driven slider-crank with clearance at the slider pin."""

@@ -1,13 +1,12 @@
-"""A driven slider-crank whose slider pin has clearance, beside the ideal mechanism.
-
-Draws what the literature on this mechanism draws: motion of the slider and moment on the crank over
-the crank angle, the orbit of the journal in its bearing, and Poincaré maps; and prints the ideal
-mechanism's closed-form values beside those found:
+"""Driven slider-crank with clearance at the slider pin, compared with the ideal mechanism.
 
     python -m studies.slider_crank [--quick] [--output FOLDER]
+
     python -m studies.slider_crank sweep [--quick] [--output FOLDER]
 
-The second is for bifurcation diagrams: see `studies.slider_crank.sweep`.
+The first command draws motion of the slider and moment on the crank over the crank angle, the orbit
+of the journal, and Poincaré maps, and prints the closed-form values of the ideal mechanism and the
+results. The second draws bifurcation diagrams: see `studies.slider_crank.sweep`.
 """
 
 import argparse
@@ -23,7 +22,7 @@ FIELDS = ("clearance", "restitution", "revolutions_a_minute", "revolutions", "rt
 
 
 def parse(arguments: list[str] | None = None) -> tuple[Settings, Output]:
-    """Settings and output of a command line."""
+    """Return settings and output of a command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--clearance", type=float, help="radial, m")
     parser.add_argument("--restitution", type=float)
@@ -58,14 +57,14 @@ def main_of_sweep(arguments: list[str]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the study from a command line."""
+    """Run the study."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments[:1] == ["sweep"]:
         main_of_sweep(arguments[1:])
         return
     settings, output = parse(arguments)
     cj.configure()
-    print(run(settings, output))
+    print(run(settings, output).table)
     print(f"Figures in {output.folder}")
 
 

@@ -1,4 +1,4 @@
-"""The slider-crank at constant speed, with clearance and ideal: runs, figures and table."""
+"""Slider-crank at constant speed, with clearance and ideal: runs, figures and table."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from studies.common.output import Output
 
 PIN, BASES = "slider pin", ("V", "W")
 SHOWN = 2
-"""Revolutions drawn, the last of the run."""
+"""Number of revolutions drawn, at the end of the run."""
 INSTANTS = 1500
-"""Instants saved in each of them."""
+"""Number of instants saved in each of them."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What to simulate, in SI units but for the crank speed."""
+    """Numbers of the simulation in SI units, except the crank speed in 1/min."""
 
     clearance: float = 0.5e-3
     restitution: float = 0.9
@@ -29,12 +29,12 @@ class Settings:
 
     @property
     def speed(self) -> float:
-        """Of the crank, rad/s."""
+        """Speed of the crank, rad/s."""
         return self.revolutions_a_minute * np.pi / 30.0
 
     @property
     def period(self) -> float:
-        """Of one revolution, s."""
+        """Duration of a revolution, s."""
         return 2.0 * np.pi / self.speed
 
 
@@ -42,25 +42,37 @@ class Settings:
 class Run:
     """Observation and slider over the last revolutions, and once in every revolution."""
 
-    shown: cj.Observation
-    strobe: cj.Observation
+    shown: cj.results.Observation
+    strobe: cj.results.Observation
     slider: cj.BodyState
     strobe_slider: cj.BodyState
-    impacts: cj.Impacts | None
+    impacts: cj.results.Impacts | None
 
     @property
     def acceleration(self) -> np.ndarray:
-        """Of the slider along X, m/s^2."""
+        """Acceleration of the slider along X, m/s^2."""
         return self.shown.accelerations["slider"].linear[:, 0]
 
     @property
     def moment(self) -> np.ndarray:
-        """On the crank, N m."""
+        """Moment on the crank, N m."""
         return self.shown.reactions["motor"]["crank"].moment[:, 2]
 
 
-def run(settings: Settings, output: Output) -> str:
-    """Simulate both mechanisms, write figures and table into the output folder; the table."""
+@dataclass(frozen=True)
+class Findings:
+    """Closed-form values and results of the ideal joint, and ratios of peaks to the ideal ones.
+
+    `table`: these and further effects of the clearance as text.
+    """
+
+    ideal: dict[str, tuple[float, float]]
+    peak_ratios: dict[str, float]
+    table: str
+
+
+def run(settings: Settings, output: Output) -> Findings:
+    """Simulate both mechanisms, write figures and table, and return the findings."""
     clearance = simulate(settings, settings.clearance, settings.revolutions)
     ideal = simulate(settings, None, SHOWN)
     for name, figure in {
@@ -69,15 +81,15 @@ def run(settings: Settings, output: Output) -> str:
         "poincare": poincare(settings, clearance),
     }.items():
         output.save(figure, name)
-    table = report(settings, clearance, ideal)
-    output.file("table.md").write_text(table, encoding="utf-8")
-    return table
+    found = find(settings, clearance, ideal)
+    output.file("table.md").write_text(found.table, encoding="utf-8")
+    return found
 
 
 def simulate(settings: Settings, clearance: float | None, revolutions: int) -> Run:
-    """Run from the ideal motion at angle zero for a number of revolutions."""
-    scene, state = cj.slider_crank(clearance, settings.restitution, speed=settings.speed)
-    turns = np.arange(1, revolutions - SHOWN)
+    """Simulate a number of revolutions from the ideal motion at angle zero."""
+    scene, state = cj.mechanisms.slider_crank(clearance, settings.restitution, speed=settings.speed)
+    revolution = np.arange(1, revolutions - SHOWN)
     last = revolutions - SHOWN + np.linspace(0.0, SHOWN, SHOWN * INSTANTS + 1)
     solution = cj.simulate(
         scene,
@@ -85,11 +97,11 @@ def simulate(settings: Settings, clearance: float | None, revolutions: int) -> R
         revolutions * settings.period,
         cj.Settings(rtol=settings.rtol, ledger=True),
         save=cj.Saving(
-            settings.period * np.concatenate([turns, last]), impacts=clearance is not None
+            settings.period * np.concatenate([revolution, last]), impacts=clearance is not None
         ),
     )
-    shown = slice(len(turns), None)
-    once = np.concatenate([turns - 1, len(turns) + INSTANTS * np.arange(SHOWN + 1)])
+    shown = slice(len(revolution), None)
+    once = np.concatenate([revolution - 1, len(revolution) + INSTANTS * np.arange(SHOWN + 1)])
     cycle, strobe = _part(solution, shown), _part(solution, once)
     return Run(
         cj.observe(scene, solution, cycle),
@@ -100,12 +112,12 @@ def simulate(settings: Settings, clearance: float | None, revolutions: int) -> R
     )
 
 
-def _part(solution: cj.Solution, rows: slice | np.ndarray) -> cj.Trajectory:
+def _part(solution: cj.results.Solution, rows: slice | np.ndarray) -> cj.results.Trajectory:
     return jax.tree.map(lambda leaf: leaf[rows], solution.saved)
 
 
 def motion(settings: Settings, clearance: Run, ideal: Run) -> Figure:
-    """Slider and crank moment over the crank angle, with clearance and without."""
+    """Draw slider and crank moment over the crank angle, with and without clearance."""
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     label = f"clearance {settings.clearance * 1e3:g} mm"
@@ -127,12 +139,12 @@ def motion(settings: Settings, clearance: Run, ideal: Run) -> Figure:
 
 
 def _angle(settings: Settings, run: Run) -> np.ndarray:
-    """Crank angle since the first instant shown, rad."""
+    """Return the crank angle since the first drawn instant, rad."""
     return settings.speed * (run.shown.times - run.shown.times[0])
 
 
 def orbit(settings: Settings, clearance: Run) -> Figure:
-    """The journal's orbit in the bearing, whose axes stay parallel to the global ones."""
+    """Draw the orbit of the journal in the bearing, whose axes stay parallel to the global ones."""
     figure = Figure(figsize=(4.8, 5.0), layout="constrained")
     axes = figure.subplots()
     plot.orbit_in_contact(clearance.shown, PIN, "V", settings.clearance, section=plot.XY, axes=axes)
@@ -140,7 +152,9 @@ def orbit(settings: Settings, clearance: Run) -> Figure:
 
 
 def poincare(settings: Settings, clearance: Run) -> Figure:
-    """Where slider and journal stand whenever the slider should be farthest out."""
+    """Draw the positions of slider and journal once a revolution, at the outer dead centre of the
+    ideal slider.
+    """
     figure = Figure(figsize=(10.0, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     velocity = clearance.strobe_slider.velocity[:, 0]
@@ -157,11 +171,12 @@ def poincare(settings: Settings, clearance: Run) -> Figure:
 
 
 def closed_form(settings: Settings) -> dict[str, float]:
-    """The ideal mechanism's extremes by hand; the moment is the rate of the kinetic energy over
-    the speed."""
+    """Return the extremes of the ideal mechanism in closed form; the moment is the rate of the
+    kinetic energy over the speed.
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, 200_001)
-    r, l, w = cj.CRANK_LENGTH, cj.ROD_LENGTH, settings.speed
-    scene, _ = cj.slider_crank(None)
+    r, l, w = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH, settings.speed
+    scene, _ = cj.mechanisms.slider_crank(None)
     rod, slider = scene.bodies["rod"], scene.bodies["slider"]
     tilt = np.arcsin(r * np.sin(angle) / l)
     tilt_rate = r * np.cos(angle) / (l * np.cos(tilt))
@@ -179,56 +194,56 @@ def closed_form(settings: Settings) -> dict[str, float]:
     }
 
 
-def report(settings: Settings, clearance: Run, ideal: Run) -> str:
-    """The closed-form values beside those found, and what the clearance changes, in Markdown."""
+def find(settings: Settings, clearance: Run, ideal: Run) -> Findings:
+    """Compare the ideal joint with the closed form, and the clearance with the ideal joint."""
     exact = closed_form(settings)
     position, velocity = ideal.slider.position[:, 0], ideal.slider.velocity[:, 0]
     force = np.linalg.norm(ideal.shown.reactions[PIN]["rod"].force, axis=1)
-    rows = [
-        ("slider acceleration, outer dead centre, m/s²", exact["outer"], -ideal.acceleration[0]),
-        (
-            "slider acceleration, inner dead centre, m/s²",
+    values = {
+        "slider acceleration, outer dead centre, m/s²": (exact["outer"], -ideal.acceleration[0]),
+        "slider acceleration, inner dead centre, m/s²": (
             exact["inner"],
             ideal.acceleration[INSTANTS // 2],
         ),
-        ("largest slider velocity, m/s", exact["velocity"], np.abs(velocity).max()),
-        ("stroke, m", exact["stroke"], np.ptp(position)),
-        ("largest pin force, N", exact["force"], force.max()),
-        ("largest crank moment, N m", exact["moment"], ideal.moment.max()),
-    ]
+        "largest slider velocity, m/s": (exact["velocity"], np.abs(velocity).max()),
+        "stroke, m": (exact["stroke"], np.ptp(position)),
+        "largest pin force, N": (exact["force"], force.max()),
+        "largest crank moment, N m": (exact["moment"], ideal.moment.max()),
+    }
+    pin_force = sum(clearance.shown.contacts[PIN][base].normal_force for base in BASES)
+    peaks = {
+        "slider acceleration": (clearance.acceleration, ideal.acceleration),
+        "crank moment": (clearance.moment, ideal.moment),
+        "pin force": (pin_force, force),
+    }
+    ratios = {
+        name: _largest(found) / _largest(expected) for name, (found, expected) in peaks.items()
+    }
     lines = ["| Ideal joint | closed form | found |", "|---|---|---|"]
-    lines += [f"| {name} | {expected:.6g} | {found:.6g} |" for name, expected, found in rows]
+    lines += [
+        f"| {name} | {expected:.6g} | {found:.6g} |" for name, (expected, found) in values.items()
+    ]
     lines += ["", f"| Clearance {settings.clearance * 1e3:g} mm | |", "|---|---|"]
-    lines += [f"| {name} | {value} |" for name, value in _with_clearance(clearance, ideal)]
-    return "\n".join(lines) + "\n"
+    lines += [f"| peak {name} over the ideal one | {ratio:.3g} |" for name, ratio in ratios.items()]
+    lines += [f"| {name} | {value} |" for name, value in _effects(clearance, ideal)]
+    return Findings(values, ratios, "\n".join(lines) + "\n")
 
 
-def _with_clearance(clearance: Run, ideal: Run) -> list[tuple[str, str]]:
+def _effects(clearance: Run, ideal: Run) -> list[tuple[str, str]]:
     shown, impacts = clearance.shown, clearance.impacts
     assert impacts is not None
     onsets = impacts.of(PIN, "V").onset
     strikes = np.count_nonzero((onsets >= shown.times[0]) & (onsets < shown.times[-1]))
-    touching = shown.modes[PIN] != cj.MotionMode.FREE_FLIGHT
-    force = sum(shown.contacts[PIN][base].normal_force for base in BASES)
+    touching = shown.modes[PIN] != cj.results.MotionMode.FREE_FLIGHT
     losses = shown.energies["normal damping"]
-    peaks = {
-        "slider acceleration": (clearance.acceleration, ideal.acceleration),
-        "crank moment": (clearance.moment, ideal.moment),
-        "pin force": (force, ideal.shown.reactions[PIN]["rod"].force),
-    }
-    ratios = [
-        (f"peak {name} over the ideal joint's", f"{_largest(one) / _largest(other):.3g}")
-        for name, (one, other) in peaks.items()
-    ]
     offset = np.abs(clearance.slider.position[:, 0] - ideal.slider.position[:, 0]).max()
     return [
-        *ratios,
         ("largest distance of the slider from its ideal motion", f"{offset * 1e3:.4f} mm"),
         ("impacts a revolution", f"{strikes / SHOWN:g}"),
-        ("share of the time in contact", f"{touching.mean():.0%}"),
+        ("fraction of the time in contact", f"{touching.mean():.0%}"),
         ("energy lost a revolution", f"{(losses[-1] - losses[0]) / SHOWN:.3g} J"),
         (
-            "energy ledger, change of the residual",
+            "change of the energy error",
             f"{np.ptp(shown.ledger_residual()):.1g} J",
         ),
     ]

@@ -1,21 +1,21 @@
-"""The slider-crank with clearance over crank speed and clearance.
+"""Sweeps of the slider-crank over clearance and crank speed.
 
     python -m studies.slider_crank sweep [--quick] [--output FOLDER]
 
-A run begins in the ideal mechanism's motion. After a transient, slider and journal are taken once
-a revolution, whenever the slider should be farthest out: the stroboscopic Poincaré section of the
-bifurcation diagrams over clearance and crank speed, in which a motion with the crank's period is
-one dot, and a chaotic one a column of them. Peaks, likewise after the transient, are shown over
-the ideal mechanism's.
+A run begins in the motion of the ideal mechanism. After a transient, slider and journal are sampled
+once a revolution at the outer dead centre of the ideal slider: this stroboscopic Poincaré section
+gives the bifurcation diagrams over clearance and crank speed, in which a motion with the crank's
+period is one dot, and a chaotic motion a column of dots. Peaks after the transient are shown
+relative to those of the ideal mechanism.
 
-There is neither gravity nor friction. If impacts took no time, the crank speed would then only
-scale time, and the motion over the crank angle would be the same at all speeds; what the speed
-changes is how soft the contact is against the forces of inertia. Hence faster is calmer. Where
-impacts make the peaks, these are, over the ideal joint's, as the speed to the power -0.8 by Hertz's
-law.
+There is neither gravity nor friction. If impacts took no time, the crank speed would only scale the
+time, and the motion over the crank angle would be the same at all speeds. The speed changes the
+stiffness of the contact relative to the forces of inertia; hence higher speeds give calmer motions.
+Peaks caused by impacts, relative to the ideal ones, scale with the speed to the power -0.8 by
+Hertz's law.
 
-Results are stored as they come: a command that was interrupted continues, and one that was finished
-only draws again.
+Results are stored during the run: an interrupted command continues, and a finished one only draws
+again.
 """
 
 from dataclasses import dataclass
@@ -37,34 +37,35 @@ from studies.slider_crank.runs import PIN, Settings, closed_form, simulate
 
 RESTITUTION = 0.9
 CLEARANCE, SPEED = 20e-6, 5000.0
-"""Radial clearance (m) of the diagram over the speed; speed (1/min) of that over the clearance."""
+"""Radial clearance of the diagram over the speed, m, and speed of that over the clearance, 1/min.
+"""
 CLEARANCES, SPEEDS = (5e-6, 0.5e-3), (1000.0, 8000.0)
 """Ranges of all diagrams, m and 1/min."""
 ORBITS = ((20e-6, 7500.0), (20e-6, 1500.0), (0.5e-3, 5000.0))
-"""Clearances (m) and crank speeds (1/min) whose orbits are drawn."""
+"""Clearances, m, and crank speeds, 1/min, of the drawn orbits."""
 LONGEST_PERIOD = 8
-"""Revolutions after which a motion may repeat and be called periodic."""
+"""Largest number of revolutions of a periodic motion."""
 REPEATS = 0.01
-"""How near, in clearances, the journal comes back when a motion repeats."""
+"""Distance of the journal, in clearances, below which a motion repeats."""
 IMPACTS_ALONE = 0.2e-3
-"""Clearance from which on impacts make the peaks at all speeds, m."""
+"""Clearance from which on impacts cause the peaks at all speeds, m."""
 
 
 class Settled(eqx.Module):
-    """Magnitude of a quantity once the crank has turned a number of times; -inf before."""
+    """Magnitude of a quantity after a number of revolutions of the crank; -inf before."""
 
     quantity: Quantity = eqx.field(static=True)
     revolutions: int = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Any:
-        """The magnitude."""
+        """Return the magnitude."""
         motor: Any = now.scene.joints["motor"]
         turned = now.time * motor.speed / (2.0 * np.pi)
         return jnp.where(turned < self.revolutions, -jnp.inf, jnp.abs(self.quantity(now)))
 
 
 def pin_force(now: Instant) -> Any:
-    """Sum of the normal forces of the pin's two bases, N; in the plane they are parallel."""
+    """Return the sum of the normal forces of the pin's bases, N, which are parallel."""
     return sum(base.normal_force for base in now.contacts[PIN].values())
 
 
@@ -75,30 +76,30 @@ CHANNELS: dict[str, tuple[Quantity, str]] = {
     "acceleration": (Acceleration("slider", "x"), "m/s^2"),
 }
 IDEAL = {"acceleration": "outer", "moment": "moment", "force": "force"}
-"""Peaks, and what the closed form calls them."""
+"""Outputs of the peaks, and their names in the closed form."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """Revolutions of a run: those before anything is kept, and all of them."""
+    """Numbers of revolutions of a run before the outputs, and in all."""
 
     transient: int
     revolutions: int
 
     def end_time(self, scene: cj.Scene) -> float:
-        """Just after the last revolution, s."""
+        """Return a time just after the last revolution, s."""
         return (self.revolutions + 1e-6) * period(scene)
 
     def strobe(self, scene: cj.Scene) -> np.ndarray:
-        """Once a revolution, when the slider should be farthest out, s."""
+        """Return the times of the outer dead centre of the ideal slider, s."""
         return period(scene) * np.arange(self.transient, self.revolutions + 1)
 
     def sweep(self, clearances: Any, speeds: Any, path: Path) -> xr.Dataset:
-        """Peaks and sections, for clearances in m and crank speeds in 1/min.
+        """Sweep peaks and sections over clearances in m and crank speeds in 1/min.
 
-        The scene's own speed occurs in no sweep, so that all share a program.
+        The scene's default speed occurs in no sweep, so that all share a program.
         """
-        scene, state = cj.slider_crank(restitution=RESTITUTION, speed=1.0)
+        scene, state = cj.mechanisms.slider_crank(restitution=RESTITUTION, speed=1.0)
         peaks = {
             "acceleration": (Acceleration("slider"), "m/s^2"),
             "moment": (Multiplier("motor", "angle"), "N m"),
@@ -127,21 +128,21 @@ class Course:
 
 
 def at_speed(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene, cj.State]:
-    """The scene at another crank speed in 1/min, and its state in the ideal joint's motion."""
+    """Return the scene at another crank speed in 1/min, and its state in the ideal motion."""
     del state
     speed = speed * np.pi / 30.0
-    driven = cj.put(scene, lambda scene: scene.joints["motor"].speed, speed)
-    return driven, cj.slider_crank(speed=speed)[1]
+    driven = cj.set_value(scene, lambda scene: scene.joints["motor"].speed, speed)
+    return driven, cj.mechanisms.slider_crank(speed=speed)[1]
 
 
 def period(scene: cj.Scene) -> float:
-    """Of one revolution of the crank, s."""
+    """Return the duration of a revolution of the crank, s."""
     motor: Any = scene.joints["motor"]
     return 2.0 * np.pi / float(motor.speed)
 
 
 def with_ratios(swept: xr.Dataset) -> xr.Dataset:
-    """With the quantities over what measures them, and the period of each lane in revolutions."""
+    """Add the ratios of peaks to the ideal ones, and the period of each lane in revolutions."""
     speed, clearance = swept["crank_speed"], swept["clearance"]
     unit_speed = closed_form(Settings(revolutions_a_minute=1.0))
     ratios = {
@@ -159,7 +160,7 @@ def with_ratios(swept: xr.Dataset) -> xr.Dataset:
 
 
 def periods(sections: np.ndarray) -> np.ndarray:
-    """After how many points each section repeats; NaN for those that don't within a few.
+    """Return the number of points after which each section repeats; NaN if it does not.
 
     `sections`: (..., points, coordinates).
     """
@@ -171,7 +172,7 @@ def periods(sections: np.ndarray) -> np.ndarray:
 
 
 def run(output: Output) -> list[str]:
-    """Both diagrams, the map and the orbits; returns the findings."""
+    """Run and draw both diagrams, the map and the orbits, and return the findings."""
     course = Course(1, 3) if output.quick else Course(120, 200)
     points, side = (4, 2) if output.quick else (192, 16)
     clearances, speeds = np.geomspace(*CLEARANCES, points), np.linspace(*SPEEDS, points)
@@ -189,7 +190,7 @@ def run(output: Output) -> list[str]:
 
 
 def bifurcations(over_clearance: xr.Dataset, over_speed: xr.Dataset) -> Figure:
-    """Journal and slider once a revolution, over the clearance and over the crank speed."""
+    """Draw journal and slider once a revolution, over the clearance and over the crank speed."""
     figure = Figure(figsize=(11.0, 6.4), layout="constrained")
     channels = {
         "relative_y": "journal across the slider's path\n/ clearance",
@@ -210,7 +211,7 @@ def bifurcations(over_clearance: xr.Dataset, over_speed: xr.Dataset) -> Figure:
 
 
 def map_of_peaks(swept: xr.Dataset) -> Figure:
-    """Peaks over the ideal joint's, over clearance and crank speed."""
+    """Draw the ratios of peaks to the ideal ones over clearance and crank speed."""
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")
     for name, axes in zip(("acceleration", "moment"), figure.subplots(1, 2), strict=True):
         plot.parameter_map(swept, f"peak_{name}_over_ideal", "clearance", "crank_speed", axes=axes)
@@ -218,7 +219,7 @@ def map_of_peaks(swept: xr.Dataset) -> Figure:
 
 
 def orbits(revolutions: int) -> Figure:
-    """The journal's path through the last two revolutions."""
+    """Draw the path of the journal in the last two revolutions."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     for (clearance, speed), axes in zip(ORBITS, figure.subplots(1, 3), strict=True):
         settings = Settings(clearance, RESTITUTION, speed)
@@ -232,7 +233,7 @@ def orbits(revolutions: int) -> Figure:
 
 
 def findings(over_clearance: xr.Dataset, over_speed: xr.Dataset, both: xr.Dataset) -> list[str]:
-    """What the diagrams and the map show, measured on them."""
+    """Return the findings, measured on the diagrams and the map."""
     failed = sum(int((swept["result"] != 0).sum()) for swept in (over_clearance, over_speed, both))
     acceleration = both["peak_acceleration_over_ideal"]
     periodic = acceleration.where(both["period"] == 1.0)
@@ -250,8 +251,9 @@ def findings(over_clearance: xr.Dataset, over_speed: xr.Dataset, both: xr.Datase
 
 
 def speed_exponent(swept: xr.Dataset) -> float:
-    """Exponent of the crank speed in the peak acceleration's ratio where impacts make it, by least
-    squares with the clearance's."""
+    """Return the exponent of the crank speed in the ratio of peak accelerations caused by impacts,
+    by least squares together with that of the clearance.
+    """
     impacting = ((swept["clearance"] >= IMPACTS_ALONE) & swept["period"].isnull()).values
     names = ("peak_acceleration_over_ideal", "crank_speed", "clearance")
     columns = xr.broadcast(*(swept[name] for name in names))
@@ -266,7 +268,7 @@ def _range(values: np.ndarray) -> str:
 
 
 def stretches(swept: xr.Dataset, axis: str, factor: float) -> str:
-    """Where the motion repeats, and after how many revolutions, in words."""
+    """Return the ranges of periodic motion and their periods, as text."""
     places, found = swept[axis].values * factor, np.nan_to_num(swept["period"].values)
     edges = [0, *(np.flatnonzero(np.diff(found)) + 1), len(found)]
     parts = [

@@ -1,1 +1,1 @@
-"""What accuracy costs: solvers, tolerances, landing, laws and precision."""
+"""Cost of accuracy: solvers, tolerances, landing, laws and precision."""

@@ -1,16 +1,16 @@
-"""What accuracy costs: work-precision diagrams, and what they say of solvers, tolerances and laws.
+"""Cost of accuracy: work-precision diagrams of solvers, tolerances, landing and laws.
 
     python -m studies.speed_accuracy [PART] [--quick] [--output FOLDER]
 
-Parts, all of them unless one is named: `diagrams` (solvers, tolerances, landing), `presets` (forces
-and first calls), `variants` (stabilisation, memory, smoothing, precision), `statistics` (of long
-runs) and `gradients`. What came out stands in the study's README.md.
+Parts: `diagrams` (solvers, tolerances, landing), `presets` (forces and first calls), `variants`
+(stabilisation, entry speed, smoothing, precision), `statistics` (of long runs) and `gradients`;
+without a name all parts run.
 
 All runs are of the paper's double pendulum, 0.5 mm, restitution 0.9. Errors are against the
-extended-precision reference in `tests/data/reference`. Right-hand sides of explicit methods
-follow from the tableau (a test counts them), those of implicit ones are counted. Times are the
-processor's, of a whole call of `simulate` that saves 51 states. A run is given up after 1.5 million
-attempts, an implicit one after 60 000.
+extended-precision reference in `tests/data/reference`. The number of right-hand sides of explicit
+methods follows from the tableau (a test counts them); those of implicit methods are counted. Times
+are processor times of a whole call of `simulate` that saves 51 states. Explicit runs end at 1.5
+million attempts, implicit ones at 60 000.
 """
 
 import argparse

@@ -28,8 +28,9 @@ MARKERS = "osD^vP*Xh"
 def diagrams(
     points: Sequence[Point], presets: Sequence[Point], measures: Sequence[tuple[str, str, Measure]]
 ) -> Figure:
-    """Error against cost for each measure, with its axes' labels: one curve a family, the Pareto
-    front, and the presets."""
+    """Draw error against cost for each measure: a curve for each family, the Pareto front, and the
+    presets.
+    """
     figure = Figure(figsize=(12.5, 6.2), layout="constrained")
     panels = figure.subplots(1, len(measures), squeeze=False)[0]
     for axes, (x, y, measure) in zip(panels, measures, strict=True):
@@ -91,7 +92,7 @@ def _presets(axes: Axes, presets: Sequence[Point], measure: Measure) -> None:
 def variants(
     smooth: dict[bool, list[Row]], precise: dict[str, list[Rounded]], stable: list[Row]
 ) -> Figure:
-    """Smoothing widths, precisions, and the drift of the stabilisations."""
+    """Draw the effects of smoothing widths, precisions and stabilisations."""
     figure = Figure(figsize=(12.5, 4.2), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _smoothing(left, smooth)

@@ -1,4 +1,4 @@
-"""The Pareto front: settings that no other beats in both cost and error."""
+"""Pareto front: settings that no other setting beats in both cost and error."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,17 +10,16 @@ Item = TypeVar("Item")
 Measure = Callable[[Item], tuple[float, float]]
 """Cost and error of an item."""
 NEAR = 1.25
-"""A family that comes within this factor of the front's cost is not called dominated: costs vary as
-much from draw to draw."""
+"""Factor of the front's cost within which a family is not called dominated: costs vary as much."""
 
 
 def finite(items: Sequence[Item], measure: Measure) -> list[Item]:
-    """The items whose cost and error are known and positive."""
+    """Return the items with a finite and positive cost and error."""
     return [item for item in items if all(0.0 < value < np.inf for value in measure(item))]
 
 
 def front(items: Sequence[Item], measure: Measure) -> list[Item]:
-    """The items that no other beats, from cheap to exact."""
+    """Return the items of the front, from cheap to exact."""
     kept: list[Item] = []
     for item in sorted(finite(items, measure), key=measure):
         if not kept or measure(item)[1] < measure(kept[-1])[1]:
@@ -29,14 +28,14 @@ def front(items: Sequence[Item], measure: Measure) -> list[Item]:
 
 
 def excess(item: Item, items: Sequence[Item], measure: Measure) -> float:
-    """Cost over that of the cheapest of the items with at most this error."""
+    """Return the cost relative to that of the cheapest item with at most this error."""
     cost, error = measure(item)
     return cost / min(c for c, e in map(measure, finite(items, measure)) if e <= error)
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a family stands: its least and its median excess over the front; the nearest item."""
+    """Least and median excess of a family over the front, and its nearest item."""
 
     family: str
     least: float
@@ -45,14 +44,14 @@ class Standing:
 
     @property
     def dominated(self) -> bool:
-        """Whether something cheaper is at least as exact, wherever one looks in the family."""
+        """Whether for each item of the family a cheaper one is at least as exact."""
         return self.least > NEAR
 
 
 def standings(
     items: Sequence[Item], measure: Measure, family: Callable[[Item], str]
 ) -> list[Standing]:
-    """Each family, the best first; families without a finite item are left out."""
+    """Return each family, the best first, without families that have no finite item."""
     shown = finite(items, measure)
     found = []
     for name in dict.fromkeys(map(family, shown)):

@@ -18,13 +18,13 @@ THREE = {name: PARAMETERS[name] for name in ("log c", "log K", "e")}
 
 
 def gradients(output: Output, spans: Spans) -> list[str]:
-    """Errors of the derivatives of arm 2's height and their cost, in Markdown."""
+    """Return the table of errors of the derivatives of arm 2's height, and of their cost."""
     del output
     expected = np.array(REFERENCE[spans.short])
     rows: list[tuple[str, ...]] = [
         ("setting", *(f"by {name}" for name in THREE), "attempts", "ms", "a run alone, ms")
     ]
-    for name in ("look", "study", "reference", "derivatives"):
+    for name in ("preview", "accurate", "reference", "derivatives"):
         preset = getattr(cj.presets, name)
         seconds, found = _timed(lambda end, preset=preset: _derivatives(end, preset), spans.short)
         alone, _ = _timed(lambda end, preset=preset: _simulated(end, preset), spans.short)
@@ -34,18 +34,18 @@ def gradients(output: Output, spans: Spans) -> list[str]:
     return [f"\nDerivatives at {spans.short:g} s by `sensitivities`\n\n{markdown(rows)}"]
 
 
-def _derivatives(end: float, preset: cj.Settings) -> cj.Sensitivities:
-    scene, state = cj.double_pendulum()
+def _derivatives(end: float, preset: cj.Settings) -> cj.results.Sensitivities:
+    scene, state = cj.mechanisms.double_pendulum()
     height = {"height": cj.quantities.Position("arm 2", "y")}
     return cj.sensitivities(scene, state, end, THREE, height, [end], preset)
 
 
-def _simulated(end: float, preset: cj.Settings) -> cj.Solution:
-    return cj.simulate(*cj.double_pendulum(), end, preset, progress=False)
+def _simulated(end: float, preset: cj.Settings) -> cj.results.Solution:
+    return cj.simulate(*cj.mechanisms.double_pendulum(), end, preset, progress=False)
 
 
 def _timed(call: Callable[[float], Any], end: float) -> tuple[float, Any]:
-    """Seconds, the median of several after one that compiles, and what was returned."""
+    """Return the median time of several calls after one that compiles, s, and the result."""
     found, times = call(end), []
     for _ in range(REPEATS):
         begun = time.perf_counter()

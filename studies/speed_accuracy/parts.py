@@ -1,4 +1,4 @@
-"""The diagrams and the table of variants."""
+"""Work-precision diagrams, and the table of variants."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -16,21 +16,21 @@ from studies.speed_accuracy.variants import (
     stabilisations,
 )
 
-CIRCLED = ("look", "default", "study", "reference")
+CIRCLED = ("preview", "default", "accurate", "reference")
 
 
 def trajectory(point: Point) -> tuple[float, float]:
-    """Right-hand sides to the horizon, and the error of positions before it."""
+    """Return the right-hand sides to the horizon, and the error of positions before it."""
     return point.short_evaluations, point.error
 
 
 def energy(point: Point) -> tuple[float, float]:
-    """Seconds of the long run, and what its ledger lacks."""
+    """Return the time of the long run, s, and its energy error."""
     return point.seconds, point.residual
 
 
 def evaluations(point: Point) -> tuple[float, float]:
-    """Right-hand sides of the long run, and what its ledger lacks."""
+    """Return the right-hand sides of the long run, and its energy error."""
     return point.evaluations, point.residual
 
 
@@ -40,7 +40,7 @@ POINT_COLUMNS = (
 
 
 def point_rows(points: Sequence[Point]) -> list[tuple[str, ...]]:
-    """Settings with what was measured."""
+    """Return the table of settings as text."""
     return [
         POINT_COLUMNS,
         *(
@@ -59,7 +59,7 @@ def point_rows(points: Sequence[Point]) -> list[tuple[str, ...]]:
 
 
 def diagrams(output: Output, spans: Spans) -> list[str]:
-    """The diagram, the table behind it, its front, and who is dominated."""
+    """Draw the diagram, and return its table, its front, and the dominated families."""
     grid = settings.quick_grid() if output.quick else settings.grid()
     points = [measured(setting, spans) for setting in grid]
     named = () if output.quick else CIRCLED
@@ -82,7 +82,7 @@ def diagrams(output: Output, spans: Spans) -> list[str]:
 
 
 def standing_table(points: Sequence[Point], measure: Callable) -> str:
-    """The families, and which of them are dominated."""
+    """Return the table of families as text."""
     rows: list[tuple[str, ...]] = [("family", "least excess", "median", "nearest", "")]
     for one in standings(points, measure, lambda point: point.setting.family):
         verdict = "dominated" if one.dominated else ""
@@ -96,7 +96,7 @@ ROW_COLUMNS = (
 
 
 def variants(output: Output, spans: Spans) -> Iterator[str]:
-    """Stabilisations, laws, smoothing widths and precisions, with a figure."""
+    """Yield the tables of stabilisations, laws, smoothing widths and precisions, and draw them."""
     stable = stabilisations(spans)
     yield f"\nStabilisation, absolute coordinates\n\n{row_table(stable)}"
     yield f"\nMemory\n\n{row_table(memories(spans))}"
@@ -109,7 +109,7 @@ def variants(output: Output, spans: Spans) -> Iterator[str]:
 
 
 def row_table(rows: Sequence[Row]) -> str:
-    """Variants beside each other."""
+    """Return the table of variants as text."""
     cells = [
         (
             row.name,
@@ -127,7 +127,7 @@ def row_table(rows: Sequence[Row]) -> str:
 
 
 def precision_table(precise: Mapping[str, Sequence[Rounded]]) -> str:
-    """Precisions beside each other."""
+    """Return the table of precisions as text."""
     head = ("precision", "rtol", "error, m", "result", "ledger", "attempts", "ms")
     cells = [
         (

@@ -1,4 +1,4 @@
-"""What the presets say of forces, and what they cost: the table of README.md."""
+"""Errors of onsets and forces with the presets, and their cost: the table of README.md."""
 
 import csv
 from tempfile import TemporaryDirectory
@@ -24,13 +24,13 @@ CRUDE = cj.Settings(solver=diffrax.Bosh3(), rtol=1e-3)
 
 
 def named() -> dict[str, cj.Settings]:
-    """The presets by name, and what is cruder than all of them."""
-    names = ("default", "look", "study", "reference")
+    """Return the presets by name, and a coarser setting."""
+    names = ("default", "preview", "accurate", "reference")
     return {"Bosh3, rtol 1e-3": CRUDE, **{name: getattr(cj.presets, name) for name in names}}
 
 
 def presets(output: Output, spans: Spans) -> list[str]:
-    """Errors to the horizon and costs of the long run, in Markdown."""
+    """Return the table of errors to the horizon and costs of the long run."""
     del output
     rows: list[tuple[str, ...]] = [
         ("setting", "position, m", "onset, s", "peak force", "largest, by `Peak`", "ledger",
@@ -39,7 +39,7 @@ def presets(output: Output, spans: Spans) -> list[str]:
     expected = onsets_and_peaks(spans.short)
     for name, settings in named().items():
         goal = truth(spans.short)
-        short = run(*cj.double_pendulum(), goal.times, settings, impacts=True)
+        short = run(*cj.mechanisms.double_pendulum(), goal.times, settings, impacts=True)
         found = _table(short)
         onset, peak = np.abs(found - expected).max(axis=0) / (1.0, expected[:, 1].max())
         largest = abs(_largest(spans.short, settings) / expected[:, 1].max() - 1.0)
@@ -52,14 +52,14 @@ def presets(output: Output, spans: Spans) -> list[str]:
 
 
 def onsets_and_peaks(end: float) -> np.ndarray:
-    """Onsets, s, and peak forces, N, of the contacts of both bases that end in time, (N, 2)."""
+    """Return onsets, s, and peak forces, N, of the contacts that end in time, (N, 2)."""
     file = REFERENCE / "double_pendulum_c0.0005_e0.9_impacts.csv"
     with open(file) as lines:
         rows = [row for row in csv.DictReader(lines) if float(row["t_off"]) < end]
     return _sorted([(row["base"], float(row["t_on"]), float(row["F_peak"])) for row in rows])
 
 
-def _table(solution: cj.Solution) -> np.ndarray:
+def _table(solution: cj.results.Solution) -> np.ndarray:
     impacts = solution.impacts
     assert impacts is not None
     return _sorted([
@@ -74,13 +74,13 @@ def _table(solution: cj.Solution) -> np.ndarray:
 
 
 def _sorted(rows: list[tuple[str, float, float]]) -> np.ndarray:
-    """Base by base in the order of time."""
+    """Return the rows sorted by base and time."""
     return np.array([row[1:] for row in sorted(rows)])
 
 
 def _largest(end: float, settings: cj.Settings) -> float:
-    """The largest force as a sweep finds it from the accepted steps, N."""
-    scene, state = cj.double_pendulum()
+    """Return the largest force at accepted steps, as a sweep finds it, N."""
+    scene, state = cj.mechanisms.double_pendulum()
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, [CLEARANCE])
     force = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     found = cj.sweep(
@@ -90,7 +90,7 @@ def _largest(end: float, settings: cj.Settings) -> float:
 
 
 def _warmed(end: float, settings: cj.Settings) -> None:
-    run(*cj.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
+    run(*cj.mechanisms.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
 
 
 FIRST_CALL = """
@@ -99,12 +99,12 @@ import clearjoint as cj
 cj.configure(cache=sys.argv[2])
 from studies.speed_accuracy.preset_table import named
 settings, begun = named()[sys.argv[1]], time.perf_counter()
-cj.simulate(*cj.double_pendulum(), 2.0, settings, progress=False)
+cj.simulate(*cj.mechanisms.double_pendulum(), 2.0, settings, progress=False)
 print(json.dumps(time.perf_counter() - begun))
 """
 
 
 def first_call(name: str) -> float:
-    """Seconds of a first call of `simulate`, nothing compiled before."""
+    """Return the time of a first call of `simulate` without a cache, s."""
     with TemporaryDirectory() as folder:
         return in_process(FIRST_CALL, name, folder)[1]

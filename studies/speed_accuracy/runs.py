@@ -1,4 +1,4 @@
-"""One setting measured: its error before the horizon, and energy, steps and seconds beyond it."""
+"""Measurement of a setting: error before the horizon, and energy error and cost beyond it."""
 
 import gzip
 import time
@@ -16,21 +16,24 @@ from studies.speed_accuracy.settings import Setting
 REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "data" / "reference"
 """Trajectories of the event-exact solver in extended precision."""
 ROWS_APART = 20
-"""Of the reference's rows, 0.1 ms apart, every so many are compared."""
+"""Stride through the rows of the reference, which are 0.1 ms apart."""
 SAVED = 51
 CLEARANCE = 0.5e-3
-"""m."""
+"""Radial clearance, m."""
 NUDGE = 1e-6
-"""By this share the clearance grows from draw to draw: another motion once it is chaotic."""
+"""Relative change of the clearance from draw to draw, which changes a chaotic motion."""
 SLOW = 3.0
-"""Seconds."""
+"""Time of a run above which no further draws are made, s."""
 MAX_STEPS = 1_500_000
 
 
 @dataclass(frozen=True)
 class Spans:
-    """`short`: up to where trajectories are compared, s, before the horizon; `long`: of energy and
-    cost, over `draws` clearances."""
+    """Spans of the runs.
+
+    - `short`: end of the comparison with the reference before the horizon, s.
+    - `long`: end of the runs for energy and cost, s, over `draws` clearances.
+    """
 
     short: float = 0.1
     long: float = 2.0
@@ -43,33 +46,33 @@ FULL = Spans()
 
 @dataclass(frozen=True)
 class Truth:
-    """Centres of both arms (times, 2, 3) m at `times` s."""
+    """Centres of both arms, (times, 2, 3) m, at `times`, s."""
 
     times: np.ndarray
     centres: np.ndarray
 
-    def error(self, solution: cj.Solution) -> float:
-        """Largest error of a coordinate, m; NaN for a run that did not get to the end."""
+    def error(self, solution: cj.results.Solution) -> float:
+        """Return the largest error of a coordinate, m; NaN for a run that ended early."""
         if solution.result != cj.RESULTS.successful:
             return float("nan")
         return float(np.abs(centres(solution) - self.centres).max())
 
 
 def compared(end: float) -> np.ndarray:
-    """Instants at which trajectories are compared, s."""
+    """Return the instants of the comparison, s."""
     count = round(1e4 * end) // ROWS_APART
     return np.minimum(1e-4 * ROWS_APART * np.arange(count + 1), end)
 
 
-def centres(solution: cj.Solution) -> np.ndarray:
-    """Centres of both arms at the times saved, (times, 2, 3) m."""
+def centres(solution: cj.results.Solution) -> np.ndarray:
+    """Return the centres of both arms at the saved times, (times, 2, 3) m."""
     bodies = solution.states.bodies
     return np.stack([np.asarray(bodies[name].position) for name in ("arm 2", "arm 3")], axis=1)
 
 
 @cache
 def truth(end: float, restitution: float = 0.9) -> Truth:
-    """The reference trajectory up to a time in s."""
+    """Return the reference trajectory up to a time, s."""
     file = REFERENCE / f"double_pendulum_c0.0005_e{restitution:.1f}.csv.gz"
     with gzip.open(file, "rt") as lines:
         names = lines.readline().strip().split(",")
@@ -80,11 +83,13 @@ def truth(end: float, restitution: float = 0.9) -> Truth:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting measured.
+    """Measurements of a setting.
 
-    `error` m and `short_evaluations`: of the short run. `residual`: of the energy ledger, over the
-    energy exchanged; `attempts`, `evaluations` and `seconds`: of the long run without a ledger. NaN
-    for runs that failed or took more than `MAX_STEPS`.
+    - `error`, m, and `short_evaluations`: of the short run.
+    - `residual`: energy error of the long run over the energy exchanged.
+    - `attempts`, `evaluations`, `seconds`: of the long run without a ledger.
+
+    Values are NaN for runs that failed or took more than `MAX_STEPS`.
     """
 
     setting: Setting
@@ -100,9 +105,9 @@ class Point:
 
 
 def measured(setting: Setting, spans: Spans) -> Point:
-    """All of a setting. Programs are compiled before they are timed."""
+    """Measure a setting, after a run that compiles."""
     settings = setting.settings
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     goal = truth(spans.short)
     short = run(scene, state, goal.times, settings)
     each = evaluations.an_attempt(settings)
@@ -121,7 +126,7 @@ def measured(setting: Setting, spans: Spans) -> Point:
 
 
 def medians(settings: cj.Settings, spans: Spans) -> tuple[float, float, float]:
-    """Of the draws of the long run; see `long_run`. One that fails or is slow stands for all."""
+    """Return the medians of the draws of `long_run`. One that fails or is slow counts for all."""
     draws = [long_run(settings, spans.long, 0)]
     if draws[0][1] < SLOW:
         draws += [long_run(settings, spans.long, draw) for draw in range(1, spans.draws)]
@@ -130,8 +135,8 @@ def medians(settings: cj.Settings, spans: Spans) -> tuple[float, float, float]:
 
 
 def long_run(settings: cj.Settings, end: float, draw: int) -> tuple[float, float, float]:
-    """Attempts, seconds and residual of the ledger over the energy exchanged."""
-    scene, state = cj.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
+    """Return attempts, time, s, and energy error over the energy exchanged."""
+    scene, state = cj.mechanisms.double_pendulum(CLEARANCE * (1.0 + NUDGE * draw))
     times = np.linspace(0.0, end, SAVED)
     attempts, seconds = cost(scene, state, times, settings)
     if not np.isfinite(attempts):
@@ -143,8 +148,7 @@ def long_run(settings: cj.Settings, end: float, draw: int) -> tuple[float, float
 def cost(
     scene: cj.Scene, state: cj.State, times: np.ndarray, settings: cj.Settings
 ) -> tuple[float, float]:
-    """Attempts and seconds of a run, checks included; NaN if it failed. The seconds are those that
-    the processor spends, which others on the machine disturb less."""
+    """Return attempts and processor time of a run, s, with checks; NaN if it failed."""
     begun = time.process_time()
     solution = run(scene, state, times, settings)
     seconds = time.process_time() - begun
@@ -153,8 +157,8 @@ def cost(
     return float(solution.attempts), seconds
 
 
-def ledger_residual(scene: cj.Scene, solution: cj.Solution) -> float:
-    """What the ledger does not account for, at most, over the energy exchanged with gravity."""
+def ledger_residual(scene: cj.Scene, solution: cj.results.Solution) -> float:
+    """Return the largest energy error over the energy exchanged with gravity."""
     if solution.result != cj.RESULTS.successful:
         return float("nan")
     observed = cj.observe(scene, solution)
@@ -168,8 +172,8 @@ def run(
     times: np.ndarray,
     settings: cj.Settings,
     impacts: bool = False,
-) -> cj.Solution:
-    """`simulate` to the last of the times, saving at all, in `MAX_STEPS` at most."""
+) -> cj.results.Solution:
+    """Simulate to the last of the times and save at all of them, in at most `MAX_STEPS` steps."""
     limited = replace(settings, max_steps=min(settings.max_steps, MAX_STEPS))
     save = cj.Saving(times, impacts=impacts)
     return cj.simulate(scene, state, float(times[-1]), limited, save, throw=False, progress=False)

@@ -1,4 +1,4 @@
-"""Settings of `simulate`, by family: one solver, with landing or without, from coarse to fine."""
+"""Settings of `simulate` by family: a solver, with or without landing, from coarse to fine."""
 
 from dataclasses import dataclass, replace
 
@@ -11,9 +11,9 @@ from studies.speed_accuracy.steppers import RungeKutta4, SemiImplicitEuler
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 IMPLICIT_TOLERANCES = TOLERANCES[:3]
 IMPLICIT_STEPS = 60_000
-"""Attempts after which an implicit run is given up: each takes a tenth of a millisecond."""
+"""Limit of attempts of an implicit run; each takes a tenth of a millisecond."""
 STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
-"""s."""
+"""Fixed steps, s."""
 EXPLICIT = (
     diffrax.Heun(),
     diffrax.Bosh3(),
@@ -26,7 +26,7 @@ IMPLICIT = (diffrax.Kvaerno3(), diffrax.Kvaerno5())
 
 @dataclass(frozen=True)
 class Setting:
-    """`fineness`: "rtol 1e-6", or the step; `settings`: those of `simulate`."""
+    """Settings of `simulate`; `fineness` is the tolerance or the step as text."""
 
     solver: str
     lands: bool
@@ -35,7 +35,7 @@ class Setting:
 
     @property
     def family(self) -> str:
-        """Solver and landing."""
+        """Name of the solver, and whether it lands."""
         return f"{self.solver}, {'landing' if self.lands else 'not landing'}"
 
     def __str__(self) -> str:
@@ -43,7 +43,7 @@ class Setting:
 
 
 def adaptive(solver: diffrax.AbstractSolver, rtol: float, lands: bool = True) -> Setting:
-    """Steps by a tolerance; implicit methods with the looser absolute one that they want."""
+    """Return settings with adaptive steps; implicit methods need a looser absolute tolerance."""
     implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
     settings = cj.Settings(
         solver=solver,
@@ -57,7 +57,7 @@ def adaptive(solver: diffrax.AbstractSolver, rtol: float, lands: bool = True) ->
 
 
 def fixed(solver: diffrax.AbstractSolver, step: float) -> Setting:
-    """Steps of one length, s. They do not land, or they would not be of one length."""
+    """Return settings with fixed steps, s, which do not land."""
     settings = cj.Settings(
         solver=solver,
         controller=diffrax.ConstantStepSize(),
@@ -69,12 +69,12 @@ def fixed(solver: diffrax.AbstractSolver, step: float) -> Setting:
 
 
 def preset(name: str) -> Setting:
-    """One of clearjoint's presets, the default of `simulate` among them."""
+    """Return a preset of clearjoint, or the default of `simulate`."""
     return Setting(name, True, "preset", getattr(cj.presets, name))
 
 
 def grid() -> list[Setting]:
-    """All settings of the diagram."""
+    """Return all settings of the diagram."""
     found = [
         adaptive(solver, rtol, lands)
         for solver in EXPLICIT
@@ -93,5 +93,5 @@ def grid() -> list[Setting]:
 
 
 def quick_grid() -> list[Setting]:
-    """Enough to see the study at work."""
+    """Return the settings of a quick study."""
     return [adaptive(diffrax.Bosh3(), rtol) for rtol in TOLERANCES[:3]]

@@ -1,5 +1,4 @@
-"""What accuracy does to the statistics of a long run, in sweeps over clearances that differ by
-rounding; and what a lane of such a sweep costs."""
+"""Statistics of long runs by setting, in sweeps over clearances that differ by rounding."""
 
 import time
 from dataclasses import replace
@@ -18,7 +17,7 @@ NAMES = ("impacts", "peak", "dissipated")
 
 
 def statistics(output: Output, spans: Spans) -> list[str]:
-    """Means with standard errors over the lanes, in Markdown."""
+    """Return the table of means with standard errors over the lanes."""
     del output
     rows: list[tuple[str, ...]] = [
         ("setting", "impacts", "largest force, kN", "dissipated, J", "ms a lane")
@@ -35,7 +34,7 @@ def statistics(output: Output, spans: Spans) -> list[str]:
 
 
 def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     clearances = CLEARANCE * (1.0 + NUDGE * np.linspace(-1.0, 1.0, lanes))
     return cj.sweep(
         scene,

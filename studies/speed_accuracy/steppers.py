@@ -1,4 +1,4 @@
-"""Two classics for fixed steps, as solvers that `simulate` takes beside diffrax's own."""
+"""Two classical methods for fixed steps, as solvers of diffrax."""
 
 from typing import Any, ClassVar
 
@@ -12,10 +12,10 @@ from clearjoint.extend import JointState
 
 
 class RungeKutta4(diffrax.AbstractERK):
-    """The method of order four of W. Kutta 1901.
+    """Kutta's method of order four (1901).
 
-    Its error estimate is the difference to Euler's method, which is far too large to adapt steps
-    by: pass `controller=diffrax.ConstantStepSize()`.
+    Its error estimate is the difference to Euler's method, which is far too large for adaptive
+    steps: use `controller=diffrax.ConstantStepSize()`.
     """
 
     tableau: ClassVar[diffrax.ButcherTableau] = diffrax.ButcherTableau(
@@ -27,38 +27,38 @@ class RungeKutta4(diffrax.AbstractERK):
     interpolation_cls: ClassVar[Any] = diffrax.ThirdOrderHermitePolynomialInterpolation.from_k
 
     def order(self, terms: Any) -> int:
-        """Four."""
+        """Return four."""
         del terms
         return 4
 
 
 class SemiImplicitEuler(diffrax.AbstractSolver):
-    """Speeds first, then positions at the new speeds: order one, symplectic for a constant mass
-    matrix. diffrax's own wants the two split, which the coordinates here are not.
+    """Semi-implicit Euler method: speeds first, then positions at the new speeds.
 
-    The rates are asked for twice; of the second time only those of the positions are used, so that
-    the compiler leaves the forces out.
+    It has order one and is symplectic for a constant mass matrix. diffrax's own method needs
+    separate positions and speeds. The rates are evaluated twice; the second time only those of the
+    positions are used, so that the compiler removes the forces.
     """
 
     term_structure = diffrax.ODETerm
     interpolation_cls: ClassVar[Any] = diffrax.LocalLinearInterpolation
 
     def order(self, terms: Any) -> int:
-        """One."""
+        """Return one."""
         del terms
         return 1
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
-        """Nothing."""
+        """Return no state."""
 
     def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
-        """The rates."""
+        """Return the rates."""
         return terms.vf(t0, y0, args)
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any
     ) -> tuple[Any, Any, dict[str, Any], None, diffrax.RESULTS]:
-        """One step. Its error estimate is zero."""
+        """Make a step with a zero error estimate."""
         del solver_state, made_jump
         h = t1 - t0
 
@@ -73,7 +73,7 @@ class SemiImplicitEuler(diffrax.AbstractSolver):
 
 
 def _speeds(y: Any) -> list[Any]:
-    """The speeds among the variables, in absolute and in joint coordinates."""
+    """Return the speeds among the variables, in absolute and in joint coordinates."""
 
     def is_state(node: Any) -> bool:
         return isinstance(node, cj.BodyState | JointState)

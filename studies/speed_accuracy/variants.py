@@ -1,5 +1,4 @@
-"""What else trades speed for accuracy: stabilisation, memory, smoothing, precision. Each beside the
-default of `simulate`, whose solver and tolerance all of them have."""
+"""Variants of the default: stabilisation, entry speed, smoothing and precision."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -28,7 +27,7 @@ from studies.speed_accuracy.runs import (
     truth,
 )
 
-STABILISATIONS: Mapping[str, cj.AbstractStabilisation] = MappingProxyType(
+STABILISATIONS: Mapping[str, cj.extend.AbstractStabilisation] = MappingProxyType(
     {
         "none": cj.Unstabilised(),
         "Baumgarte 5": cj.Baumgarte(5.0, 5.0),
@@ -38,42 +37,45 @@ STABILISATIONS: Mapping[str, cj.AbstractStabilisation] = MappingProxyType(
     }
 )
 WIDTHS = (1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-"""Of the smoothing, m."""
+"""Widths of the smoothing, m."""
 SINGLE_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 SINGLE_LANDING = 1e-9
-"""m; single precision resolves eccentricities to some 3e-11."""
+"""Landing tolerance in single precision, m, which resolves eccentricities to about 3e-11."""
 SPEED = 0.1
-"""Of the impacts for which the memoryless law is set, m/s: that of the first one."""
+"""Entry speed for which the fixed damping is set, m/s: that of the first impact."""
 
 
-class MemorylessDamping(cj.AbstractContactLaw):
-    """The damping of Lankarani and Nikravesh for one entry speed, m/s, at whatever speed."""
+class MemorylessDamping(cj.extend.AbstractContactLaw):
+    """Lankarani and Nikravesh's damping, fixed for one entry speed, m/s."""
 
     stiffness: AbstractStiffness
     restitution: Any
     entry_speed: Any
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Any) -> Any:
-        """Normal force, N."""
+        """Return the normal force, N."""
         del entry_speed
         factor = 1.0 + 0.75 * (1.0 - self.restitution**2) * gap.rate / self.entry_speed
         return self.elastic_force(gap) * jnp.maximum(factor, 0.0)
 
     def elastic_force(self, gap: Gap) -> Any:
-        """K delta^1.5, N."""
-        return cj.Hertz(stiffness=self.stiffness).elastic_force(gap)
+        """Return the elastic force K delta^1.5, N."""
+        return cj.laws.Hertz(stiffness=self.stiffness).elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Any:
-        """2/5 K delta^2.5, J."""
-        return cj.Hertz(stiffness=self.stiffness).stored_energy(gap)
+        """Return the elastic energy 2/5 K delta^2.5, J."""
+        return cj.laws.Hertz(stiffness=self.stiffness).stored_energy(gap)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A variant measured: fields as those of a `runs.Point`, and the largest `peak` force, N,
-    of the short run; energy `dissipated`, J, and `drift` of the hinge, m, in the long one."""
+    """Measurements of a variant.
+
+    Fields are those of `runs.Point`, the largest `peak` force in the short run, N, and in the long
+    run the energy `dissipated`, J, and the `drift` of the hinge, m.
+    """
 
     name: str
     error: float
@@ -86,13 +88,13 @@ class Row:
 
 
 Make = Callable[[float], tuple[cj.Scene, cj.State]]
-"""The double pendulum of a clearance, m."""
+"""Function that returns the double pendulum for a clearance, m."""
 
 
 def measured(
     name: str, make: Make, settings: cj.Settings, spans: Spans, restitution: float = 0.9
 ) -> Row:
-    """A variant against the reference of a restitution."""
+    """Measure a variant against the reference with a restitution."""
     goal = truth(spans.short, restitution)
     short = run(*make(CLEARANCE), goal.times, settings, impacts=True)
     assert short.impacts is not None
@@ -111,32 +113,39 @@ def measured(
     return Row(name, goal.error(short), peak, *medians)
 
 
-def with_law(law: cj.AbstractContactLaw) -> Make:
-    """The double pendulum with a law."""
-    return partial(cj.double_pendulum, law=law)
+def with_law(law: cj.extend.AbstractContactLaw) -> Make:
+    """Return a function that makes the double pendulum with a law."""
+    return partial(cj.mechanisms.double_pendulum, law=law)
 
 
 def stabilisations(spans: Spans) -> list[Row]:
-    """In absolute coordinates, where the hinge is a constraint; and joint coordinates beside."""
+    """Measure stabilisations in absolute coordinates, where the hinge is a constraint, and joint
+    coordinates.
+    """
     cases = {
         name: cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=way)
         for name, way in STABILISATIONS.items()
     }
     cases["joint coordinates"] = cj.presets.default
-    return [measured(name, cj.double_pendulum, each, spans) for name, each in cases.items()]
+    return [
+        measured(name, cj.mechanisms.double_pendulum, each, spans) for name, each in cases.items()
+    ]
 
 
 def memories(spans: Spans) -> list[Row]:
-    """Laws with memory and without."""
+    """Measure laws with and without dependence on the entry speed."""
     laws = {
-        "Lankarani-Nikravesh, 1": (cj.LankaraniNikravesh(restitution=1.0, stiffness=cj.STEEL), 1.0),
-        "Hertz": (cj.Hertz(stiffness=cj.STEEL), 1.0),
+        "Lankarani-Nikravesh, 1": (
+            cj.laws.LankaraniNikravesh(restitution=1.0, stiffness=cj.mechanisms.STEEL),
+            1.0,
+        ),
+        "Hertz": (cj.laws.Hertz(stiffness=cj.mechanisms.STEEL), 1.0),
         "Lankarani-Nikravesh, 0.9": (
-            cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL),
+            cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
             0.9,
         ),
         f"its damping at {SPEED:g} m/s": (
-            MemorylessDamping(stiffness=cj.STEEL, restitution=0.9, entry_speed=SPEED),
+            MemorylessDamping(stiffness=cj.mechanisms.STEEL, restitution=0.9, entry_speed=SPEED),
             0.9,
         ),
     }
@@ -147,14 +156,16 @@ def memories(spans: Spans) -> list[Row]:
 
 
 def smoothings(spans: Spans) -> dict[bool, list[Row]]:
-    """Against the exact law, by width; with landing and without."""
+    """Measure smoothing widths against the exact law, with and without landing."""
     found: dict[bool, list[Row]] = {}
     for lands in (True, False):
         usual = cj.presets.default
         settings = usual if lands else replace(usual, landing_tolerance=None)
-        rows = [measured("exact", cj.double_pendulum, settings, spans)]
+        rows = [measured("exact", cj.mechanisms.double_pendulum, settings, spans)]
         for width in WIDTHS:
-            law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL, smoothing=width)
+            law = cj.laws.LankaraniNikravesh(
+                restitution=0.9, stiffness=cj.mechanisms.STEEL, smoothing=width
+            )
             rows.append(measured(f"{width:g}", with_law(law), settings, spans))
         found[lands] = rows
     return found
@@ -168,7 +179,7 @@ IN_PRECISION = (
 
 @dataclass(frozen=True)
 class Rounded:
-    """A run in one of the precisions: how it ended, and fields as those of a `runs.Point`."""
+    """Result of a run in one of the precisions, with fields as those of `runs.Point`."""
 
     rtol: float
     error: float
@@ -179,29 +190,29 @@ class Rounded:
 
 
 def precisions(spans: Spans) -> dict[str, list[Rounded]]:
-    """By tolerance in 32 and in 64 bits, each in a process of its own."""
+    """Measure tolerances in 32 and in 64 bits, each in a separate process."""
     goal, found = truth(spans.short), {}
     for name, switch in (("float64", "1"), ("float32", "0")):
         variables = {"JAX_ENABLE_X64": switch, "XLA_FLAGS": cj.XLA_FLAGS}
         lengths = (str(spans.short), str(spans.long))
         _, rows = in_process(IN_PRECISION, *lengths, **variables)
         found[name] = [
-            Rounded(rtol, _error(np.array(places), goal.centres), *others)
-            for rtol, places, *others in rows
+            Rounded(rtol, _error(np.array(positions), goal.centres), *others)
+            for rtol, positions, *others in rows
         ]
     return found
 
 
-def _error(places: np.ndarray, expected: np.ndarray) -> float:
-    """NaN for a run that did not get to the end."""
-    if places.shape != expected.shape:
+def _error(positions: np.ndarray, expected: np.ndarray) -> float:
+    """Return the largest error of a position, m; NaN for a run that ended early."""
+    if positions.shape != expected.shape:
         return float("nan")
-    return float(np.abs(places - expected).max())
+    return float(np.abs(positions - expected).max())
 
 
 def in_this_precision(short: float, long: float) -> None:
-    """Print centres and costs by tolerance in the precision that JAX is set to."""
-    scene, state = cj.double_pendulum()
+    """Print centres and costs by tolerance in JAX's present precision."""
+    scene, state = cj.mechanisms.double_pendulum()
     rows = []
     for rtol in SINGLE_TOLERANCES:
         settings = cj.Settings(rtol=rtol, landing_tolerance=SINGLE_LANDING, allow_float32=True)
@@ -214,7 +225,7 @@ def in_this_precision(short: float, long: float) -> None:
     print(json.dumps(rows))
 
 
-def name_of(solution: cj.Solution) -> str:
-    """The name of its result code."""
+def name_of(solution: cj.results.Solution) -> str:
+    """Return the name of the result code."""
     number = int(result_number(solution.result))
     return next(name for name, code in result_numbers().items() if code == number)

@@ -1,1 +1,1 @@
-"""The largest clearance that keeps tolerances, by gradient."""
+"""Largest clearance that keeps tolerances."""

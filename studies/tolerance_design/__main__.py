@@ -1,15 +1,14 @@
-"""The largest clearance at which a slider-crank keeps its tolerances.
+"""Largest clearance with which a slider-crank keeps its tolerances.
 
     python -m studies.tolerance_design [--quick] [--output FOLDER]
 
-The slider's pin may have as much clearance as leaves the slider within a tolerance of the ideal
-mechanism's position, and the pin force within a limit. `clearjoint.largest` finds the largest with
-which all smaller ones hold, too.
+The slider must stay within a tolerance of its ideal position, and the pin force within a limit.
+`clearjoint.largest_feasible` finds the largest clearance for which all smaller ones comply too.
 
-There are two questions. When the machine starts, at full speed and with the pin in the middle of
-its bearing, the play is taken up in one impact, which makes the peaks: their margins are smooth.
-After a transient, at a speed at which the journal keeps to the wall, it still vibrates there, and
-the phase of that makes the margins uneven. Where the journal strikes, small differences grow from
+There are two questions. When the machine starts at full speed with a centred pin, the clearance is
+crossed in one impact, which causes the peaks: their margins are smooth. After a transient, at a
+speed at which the journal stays on the wall, it still vibrates, and the phase of the vibration
+makes the margins uneven. Where the journal strikes repeatedly, small differences grow from
 revolution to revolution, and derivatives with them.
 """
 
@@ -27,7 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     cj.configure()
     output = Output.of(__file__, options)
-    print("\n".join(f"- {line}" for line in run(output)))
+    print("\n".join(f"- {line}" for line in run(output).lines()))
     print(f"Figures: {output.folder}")
 
 

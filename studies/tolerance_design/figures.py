@@ -12,7 +12,7 @@ from studies.tolerance_design.search import FORCE, POSITION, RANGE, Answer, Desi
 
 
 def margins(answers: list[Answer]) -> Figure:
-    """Margins against clearance, with the largest clearance of each limit alone."""
+    """Draw margins against clearance, with the largest clearance of each limit."""
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     panels = figure.subplots(2, len(answers), sharex=True, squeeze=False)
     for column, answer in zip(panels.T, answers, strict=True):
@@ -56,17 +56,18 @@ def _curve(answer: Answer, name: str, axes: Axes) -> None:
 
 
 def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> Figure:
-    """Slider and pin force of a design beside the ideal mechanism's in its last revolution; and
-    derivatives over the revolutions, by label."""
+    """Draw slider and pin force of a design and of the ideal mechanism in the last revolution, and
+    derivatives over the revolutions by label.
+    """
     figure = Figure(figsize=(12.5, 4.2), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     run = design.run(clearance, design.instants())
     angles = 2.0 * np.pi * (run.times - run.times[0]) / design.period
-    turned = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
+    offset = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
     label = f"{1e6 * clearance:.1f} µm"
     errors = {label: (angles, 1e6 * run.values["error"]), "ideal joint": (angles, 0.0 * angles)}
     plot.over_angle(errors, "slider from its ideal position, µm", axes=left)
-    ideal = ideal_pin_force(design, angles + turned)
+    ideal = ideal_pin_force(design, angles + offset)
     forces = {label: run.values[FORCE], "ideal joint": ideal}
     forces = {name: (angles, 1e-3 * values) for name, values in forces.items()}
     plot.over_angle(forces, "pin force, kN", axes=middle)
@@ -75,7 +76,7 @@ def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> 
         (middle, 1e-3 * design.limits[FORCE]),
     ):
         axes.axhline(limit, color=style.GREY, linewidth=1.2, linestyle=":", label="limit")
-        start = np.degrees(turned)
+        start = np.degrees(offset)
         axes.xaxis.set_major_formatter(lambda x, _, start=start: f"{(x + start) % 360.0:.0f}")
     left.axhline(-1e6 * design.limits[POSITION], color=style.GREY, linewidth=1.2, linestyle=":")
     handles = middle.get_legend_handles_labels()
@@ -92,16 +93,17 @@ def _growth(growths: dict[str, np.ndarray], axes: Axes) -> None:
 
 
 def ideal_pin_force(design: Design, angles: np.ndarray) -> np.ndarray:
-    """Of the ideal mechanism at crank angles, rad; N.
+    """Return the pin force of the ideal mechanism at crank angles, rad; N.
 
-    Along X the pin drives the slider; across it, it keeps the rod's moments about the crank pin.
+    Along X the pin drives the slider; across it, the force balances the moments of the rod about
+    the crank pin.
     """
-    scene, _ = cj.slider_crank(None)
+    scene, _ = cj.mechanisms.slider_crank(None)
     rod, slider = scene.bodies["rod"], scene.bodies["slider"]
     fine = np.linspace(-0.1, 2.0 * np.pi + 0.1, 20_001)
-    tip = cj.CRANK_LENGTH * np.stack([np.cos(fine), np.sin(fine)])
-    tilt = -np.arcsin(tip[1] / cj.ROD_LENGTH)
-    along = cj.ROD_LENGTH * np.stack([np.cos(tilt), np.sin(tilt)])
+    tip = cj.mechanisms.CRANK_LENGTH * np.stack([np.cos(fine), np.sin(fine)])
+    tilt = -np.arcsin(tip[1] / cj.mechanisms.ROD_LENGTH)
+    along = cj.mechanisms.ROD_LENGTH * np.stack([np.cos(tilt), np.sin(tilt)])
 
     def second_rate(values: np.ndarray) -> np.ndarray:
         once = np.gradient(values, fine, axis=-1)

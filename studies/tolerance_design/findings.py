@@ -1,6 +1,6 @@
-"""The searches of both questions, with their figures, and what was found."""
+"""Searches of both questions, with figures and findings."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,25 +9,28 @@ from studies.tolerance_design import figures
 from studies.tolerance_design.search import RANGE, Answer, growth, settled, solve, start
 
 
-def findings(answers: list[Answer], growths: dict[str, np.ndarray]) -> list[str]:
-    """What was found, in words."""
-    lines = []
-    for answer in answers:
-        title = answer.design.title
-        for name, found in {**answer.alone, "both": answer.both}.items():
-            lines.append(f"{title}, {name}, from {_range()}: {1e6 * found.value:.3f} µm. {found}")
-    for label, sizes in growths.items():
-        last = ", ".join(f"{size:.3g}" for size in sizes)
-        lines.append(f"{label}: derivative of the slider's position, by revolution: {last}")
-    return lines
+@dataclass(frozen=True)
+class Findings:
+    """Results of both questions, and derivatives of the slider's position by revolution."""
+
+    answers: list[Answer]
+    growths: dict[str, np.ndarray]
+
+    def lines(self) -> list[str]:
+        """Return the findings as text."""
+        lines = []
+        for answer in self.answers:
+            title = f"{answer.design.title}, {1e6 * RANGE[0]:g} to {1e6 * RANGE[1]:g} µm"
+            for name, found in {**answer.alone, "both": answer.both}.items():
+                lines.append(f"{title}, {name}: {1e6 * found.value:.3f} µm. {found}")
+        for label, sizes in self.growths.items():
+            values = ", ".join(f"{size:.3g}" for size in sizes)
+            lines.append(f"{label}: derivative of the slider's position, by revolution: {values}")
+        return lines
 
 
-def _range() -> str:
-    return f"{1e6 * RANGE[0]:g} to {1e6 * RANGE[1]:g} µm"
-
-
-def run(output: Output) -> list[str]:
-    """The searches, with figures; returns the findings."""
+def run(output: Output) -> Findings:
+    """Run the searches, draw, and return the findings."""
     transient, lanes = (1.5, 5) if output.quick else (11.5, 49)
     late = settled(transient)
     designs = [start()] if output.quick else [start(), late]
@@ -41,4 +44,4 @@ def run(output: Output) -> list[str]:
     }
     output.save(figures.margins(answers), "margin")
     output.save(figures.motion(late, safe, growths), "motion")
-    return findings(answers, growths)
+    return Findings(answers, growths)

@@ -1,5 +1,4 @@
-"""The program `clearjoint`: what it says of files, how it ends, and that runs, sweeps and fits come
-to what the library gives."""
+"""The program `clearjoint`: messages, exit codes, and results equal to those of the library."""
 
 import json
 import re
@@ -19,14 +18,14 @@ from clearjoint.command_line import fitting, reports, running
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.examples import MECHANISMS
 from clearjoint.command_line.folders import Folder, scene_and_solution
-from clearjoint.command_line.places import find_place, keys_of, written
+from clearjoint.command_line.paths import find_path, keys_of, written
 from clearjoint.command_line.program import clearjoint
 from clearjoint.command_line.reports import lane_table
-from clearjoint.command_line.schemas import study_schema
 from clearjoint.command_line.study import read_study
+from clearjoint.command_line.study_parts import study_schema
 from clearjoint.command_line.sweeping import sweep_arguments
-from clearjoint.scene_files.complaints import FilePlace
-from clearjoint.simulation import host_run, interruptions
+from clearjoint.scene_files.locations import FileLocation
+from clearjoint.simulation.run import host_run, interruptions
 from tests.support.dropped_rod import dropped_rod
 
 STUDY = """
@@ -48,16 +47,16 @@ channels.offset = { kind = "JournalOffset", joint = "pin", component = "y" }
 count = 5
 
 [sweep]
-preset = "look"
+preset = "preview"
 outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "pin" } }
 outputs.impacts = { kind = "ImpactCount", joint = "pin" }
 
 [sweep.axes.clearance]
-place = "joints.pin.clearance"
+path = "joints.pin.clearance"
 values = ["0.4 mm", 5e-4]
 
 [sweep.axes.gravity]
-place = "gravity.1"
+path = "gravity.1"
 start = 9.0
 stop = 10.0
 count = 2
@@ -68,7 +67,7 @@ time = "time"
 columns.height = { quantity = { kind = "Position", body = "rod", component = "y" }, noise = "1 um" }
 
 [fit.parameters.clearance]
-place = "joints.pin.clearance"
+path = "joints.pin.clearance"
 scale = { kind = "Log" }
 guess = "0.49 mm"
 """
@@ -83,65 +82,65 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def told(*arguments: str):
-    """The outcome of a command: exit code and what it said on either stream."""
+def invoke(*arguments: str):
+    """The exit code and output of a command."""
     return CliRunner().invoke(clearjoint, arguments)
 
 
 def changed(old: str, new: str) -> None:
-    """A study in which a text stands for another."""
+    """Write a study in which a text is replaced."""
     assert old in STUDY
     Path("study.toml").write_text(STUDY.replace(old, new))
 
 
 def test_help_has_examples_for_each_command():
-    assert "Exit codes: 0" in told("--help").output
+    assert "Exit codes: 0" in invoke("--help").output
     for name in clearjoint.commands:
-        outcome = told(name, "--help")
+        outcome = invoke(name, "--help")
         assert outcome.exit_code == 0 and re.search(rf"clearjoint {name}", outcome.output), name
 
 
-def test_a_scene_is_told(folder):
-    outcome = told("check", "rod.toml")
+def test_a_scene_is_invoke(folder):
+    outcome = invoke("check", "rod.toml")
     assert outcome.exit_code == 0, outcome.output
     for part in (
         "bodies: rod (7.02 kg)",
         "joints: pin (ClearanceJoint)",
         "degrees of freedom: 6",
-        "clearance 0.5 mm, LankaraniNikravesh; at the start V 0.5 mm open",
+        "clearance 0.5 mm, LankaraniNikravesh; at the start V 0.5 mm apart",
         "ready to run",
     ):
         assert part in outcome.output
 
 
-def test_a_study_tells_what_it_would_do(folder):
-    output = told("check", "study.toml").output
+def test_check_describes_a_study(folder):
+    output = invoke("check", "study.toml").output
     assert "run: 0 s to 0.03125 s" in output
     assert "sweep: 2x2 lanes over clearance, gravity" in output
     assert "fit: clearance from rig.csv" in output
 
 
-def test_a_scene_may_stand_in_the_study_or_the_study_in_the_scene(folder):
+def test_scene_and_study_may_be_one_file(folder):
     scene = Path("rod.toml").read_text()
     Path("both.toml").write_text(f"title = 'x'\n{scene}\n[run]\nend = 0.03125\n")
-    assert "run: 0 s to" in told("check", "both.toml").output
+    assert "run: 0 s to" in invoke("check", "both.toml").output
     tables = re.sub(r"^\[", "[scene.", scene, flags=re.MULTILINE)
     tables = tables.replace("format = 1\n", "[scene]\n", 1)
     Path("held.toml").write_text(f"{tables}\n[run]\nend = 0.03125\n")
-    outcome = told("check", "held.toml")
+    outcome = invoke("check", "held.toml")
     assert outcome.exit_code == 0 and "run: 0 s to" in outcome.output, outcome.output
 
 
-def test_every_number_has_a_place_that_can_be_written(folder):
-    lines = told("check", "study.toml", "--places").output.splitlines()
+def test_every_number_has_a_written_path(folder):
+    lines = invoke("check", "study.toml", "--paths").output.splitlines()
     assert any(re.match(r"joints\.pin\.clearance +0\.0005 m$", line) for line in lines)
     assert any(line.startswith("state.bodies.rod.velocity ") for line in lines)
     scene, state = dropped_rod()
-    where = FilePlace("here")
+    location = FileLocation("here")
     for name, (value, unit) in cj.parameters(scene).items():
         if np.ndim(value) == 0:
-            found = find_place(written(name), scene, state, where)
-            assert found.place(scene) is value and found.unit == unit
+            found = find_path(written(name), scene, state, location)
+            assert found.path(scene) is value and found.unit == unit
 
 
 @pytest.mark.parametrize(
@@ -153,8 +152,8 @@ def test_every_number_has_a_place_that_can_be_written(folder):
         ("gravity[1]", ("gravity", 1)),
     ],
 )
-def test_places_are_written_with_dots_or_brackets(text, keys):
-    assert keys_of(text, FilePlace("here")) == keys
+def test_paths_are_written_with_dots_or_brackets(text, keys):
+    assert keys_of(text, FileLocation("here")) == keys
 
 
 def test_numbers_are_set_on_the_command_line(folder):
@@ -170,7 +169,7 @@ def test_settings_are_a_preset_with_changes(folder):
     study = read_study(Path("study.toml"))
     run, sweep = study.parts.run, study.parts.sweep
     assert study.settings(run, "run") == cj.Settings(rtol=1e-7)
-    assert study.settings(sweep, "sweep").rtol == cj.presets.look.rtol
+    assert study.settings(sweep, "sweep").rtol == cj.presets.preview.rtol
     assert study.settings(study.parts.fit, "fit") == cj.presets.identification
 
 
@@ -187,12 +186,12 @@ REFUSED = {
     "no results": (["report", "."], "expected a folder of results"),
     "no end": (["run", "rod.toml"], r"`run`.*expected an `end`.*--end 1"),
     "a wrong key": (["check", "rod.toml", "--set", "joints.pn.x=1"], "did you mean 'pin'"),
-    "no value": (["check", "rod.toml", "--set", "gravity"], "a place and a value"),
+    "no value": (["check", "rod.toml", "--set", "gravity"], "a path and a value"),
     "a wrong unit": (
         ["check", "rod.toml", "--set", "joints.pin.clearance=2kg"],
         "unit of this dim",
     ),
-    "a wrong preset": (["run", "study.toml", "--preset", "stdy"], "did you mean 'study'"),
+    "a wrong preset": (["run", "study.toml", "--preset", "acurate"], "did you mean 'accurate'"),
     "no sweep": (["sweep", "rod.toml", "--end", "1"], r"add a section \[sweep\]"),
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
@@ -206,15 +205,15 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_bad_input_is_a_sentence_with_a_remedy(case, folder):
     arguments, message = REFUSED[case]
-    outcome = told(*arguments)
+    outcome = invoke(*arguments)
     assert outcome.exit_code == 2, outcome.output
     assert re.search(message, outcome.output, re.DOTALL) and "Traceback" not in outcome.output
     assert not Path("results").exists()
 
 
 WRONG = {
-    "place": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
-    "not a number": ('"gravity.1"', '"gravity"', "the place of one number.*0, 1, 2"),
+    "path": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
+    "not a number": ('"gravity.1"', '"gravity"', "the path of one number.*0, 1, 2"),
     "quantity": (
         '"Position", body = "rod", component = "y" }\noutputs.force',
         '"Positon" }\noutputs.force',
@@ -239,41 +238,41 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_study_is_refused_with_the_place(case, folder):
+def test_errors_in_a_study_have_locations(case, folder):
     old, new, message = WRONG[case]
     changed(old, new)
-    outcome = told("check", "study.toml")
+    outcome = invoke("check", "study.toml")
     assert outcome.exit_code == 2, outcome.output
     assert re.search(message, outcome.output, re.DOTALL), outcome.output
 
 
-def test_a_state_off_its_joints_is_assembled_into_a_file(folder):
-    scene, state = cj.four_bar()
+def test_a_state_that_violates_joints_is_refused(folder):
+    scene, state = cj.mechanisms.four_bar()
     moved = cj.body_state(np.asarray(state.bodies["crank"].position) + (1e-3, 0.0, 0.0))
     off = cj.State({**state.bodies, "crank": moved})
     cj.save(scene, off, "off.toml")
-    outcome = told("check", "off.toml")
+    outcome = invoke("check", "off.toml")
     assert outcome.exit_code == 2 and "crank foot" in outcome.output
     assert "--assemble NEW.toml" in outcome.output
 
 
-def test_unusual_numbers_are_told_in_a_line(folder):
-    outcome = told("check", "rod.toml", "--set", "joints.pin.law.stiffness.young_modulus=207")
+def test_warnings_are_lines(folder):
+    outcome = invoke("check", "rod.toml", "--set", "joints.pin.law.stiffness.young_modulus=207")
     assert outcome.exit_code == 0
     assert re.search(r"^warning: .*young_modulus.*207", outcome.output, re.MULTILINE)
     assert ".py:" not in outcome.output and "filterwarnings" not in outcome.output
 
 
 def test_a_change_on_the_command_line_is_named(folder):
-    output = told("check", "rod.toml", "--set", "joints.pin.clearance=2kg").output
+    output = invoke("check", "rod.toml", "--set", "joints.pin.clearance=2kg").output
     assert "rod.toml with --set joints.pin.clearance=2kg, `joints.pin.clearance`: found" in output
 
 
-def test_a_name_that_is_not_there_is_told_with_its_line(folder):
+def test_an_unknown_name_is_reported_with_its_line(folder):
     text = Path("rod.toml").read_text()
     line = 1 + text.split("\n").index('journal_body = "rod"')
     Path("rod.toml").write_text(text.replace('journal_body = "rod"', 'journal_body = "rot"'))
-    output = told("check", "study.toml").output
+    output = invoke("check", "study.toml").output
     assert f"rod.toml, line {line}, `joints.pin.journal_body`: Argument" in output
     assert "did you mean 'rod'" in output and "top level" not in output
 
@@ -282,36 +281,36 @@ def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch)
     import tomllib
 
     monkeypatch.chdir(tmp_path)
-    assert told("new", "fourbar").exit_code == 2
+    assert invoke("new", "fourbar").exit_code == 2
     schema = study_schema()
     for name in MECHANISMS:
-        assert told("new", name).exit_code == 0
+        assert invoke("new", name).exit_code == 0
         jsonschema.validate(tomllib.loads(Path(f"{name}_study.toml").read_text()), schema)
         read_study(Path(f"{name}_study.toml"))
-    assert told("new", "four_bar").exit_code == 2  # nothing is overwritten
+    assert invoke("new", "four_bar").exit_code == 2  # nothing is overwritten
     written = Path("four_bar_study.toml").read_text()
-    assert told("schema", "study", "--example").output == written
-    assert told("schema", "--example").output == Path("four_bar.toml").read_text()
-    outcome = told("check", "four_bar_study.toml")
+    assert invoke("schema", "study", "--example").output == written
+    assert invoke("schema", "--example").output == Path("four_bar.toml").read_text()
+    outcome = invoke("check", "four_bar_study.toml")
     assert outcome.exit_code == 0 and "ready to run" in outcome.output, outcome.output
     wanted = re.sub(r"^# (?=\S* ?=|\[)", "", written, flags=re.MULTILINE)  # the fit too
     Path("four_bar_study.toml").write_text(wanted)
-    assert "fit: clearance from rig.csv" in told("check", "four_bar_study.toml").output
+    assert "fit: clearance from rig.csv" in invoke("check", "four_bar_study.toml").output
 
 
-def test_what_the_schema_says_of_outputs(folder):
+def test_the_schema_has_the_kinds_of_outputs(folder):
     outputs = study_schema()["$defs"]["SweepPart"]["properties"]["outputs"]
     kinds = {one["$ref"] for one in outputs["additionalProperties"]["anyOf"] if "$ref" in one}
     assert {"#/$defs/Peak", "#/$defs/ImpactTable", "#/$defs/MeanPowerLost"} <= kinds
 
 
-def test_a_view_that_is_not_installed_is_left_out_with_a_note(folder, monkeypatch, capsys):
+def test_a_note_replaces_a_view_that_is_not_installed(folder, monkeypatch, capsys):
     def needs_trimesh(*_arguments):
         raise ImportError("Views need trimesh: pip install 'clearjoint[view]'")
 
     monkeypatch.setattr(reports, "view", needs_trimesh)
     reports._write_view(Folder(Path(".")), None, None)
-    assert "note: view.html is left out. Views need trimesh" in capsys.readouterr().err
+    assert "note: view.html is not written. Views need trimesh" in capsys.readouterr().err
 
 
 def test_a_study_fits_its_schema(folder):
@@ -322,7 +321,7 @@ def test_a_study_fits_its_schema(folder):
     jsonschema.validate(tomllib.loads(STUDY), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
-    assert json.loads(told("schema", "study").output) == schema
+    assert json.loads(invoke("schema", "study").output) == schema
 
 
 @pytest.mark.parametrize(("error", "code"), [(ValueError, 2), (OSError, 2), (RuntimeError, 1)])
@@ -370,8 +369,8 @@ def test_lanes_are_rows():
 
 
 @pytest.mark.slow
-def test_a_run_leaves_tables_figures_and_a_page(folder):
-    outcome = told("run", "study.toml")
+def test_a_run_writes_tables_figures_and_a_page(folder):
+    outcome = invoke("run", "study.toml")
     assert outcome.exit_code == 0, outcome.output
     out = Folder(Path("results/study/run"))
     scene, state = cj.load("rod.toml")
@@ -410,20 +409,20 @@ def test_a_run_leaves_tables_figures_and_a_page(folder):
     before = {path.name: path.read_bytes() for path in out.pictures()}
     for path in out.pictures():
         path.unlink()
-    assert told("report", str(out.path)).exit_code == 0
+    assert invoke("report", str(out.path)).exit_code == 0
     assert set(before) == {path.name for path in out.pictures()}
 
 
 @pytest.mark.slow
-def test_a_run_that_fails_or_is_stopped_keeps_what_it_reached(folder, monkeypatch):
-    outcome = told("run", "study.toml", "--set", "run.settings.max_steps=20", "--out", "failed")
+def test_a_failed_or_interrupted_run_writes_its_results(folder, monkeypatch):
+    outcome = invoke("run", "study.toml", "--set", "run.settings.max_steps=20", "--out", "failed")
     assert outcome.exit_code == 1 and "step limit" in outcome.output, outcome.output
     assert json.loads(Path("failed/summary.json").read_text())["time_reached_s"] < 31e-3
     assert cj.load("failed/reached.toml")
 
     monkeypatch.setattr(host_run, "ATTEMPTS_A_SEGMENT", 20)
     monkeypatch.setattr(host_run, "interruptions_deferred", stopped_at_once)
-    outcome = told("run", "study.toml", "--out", "stopped")
+    outcome = invoke("run", "study.toml", "--out", "stopped")
     assert outcome.exit_code == 130 and "interrupted at t = " in outcome.output, outcome.output
     assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
     with xr.open_dataset("stopped/motion.nc", engine="scipy") as motion:
@@ -437,8 +436,8 @@ def stopped_at_once():
 
 
 @pytest.mark.slow
-def test_a_sweep_is_stored_and_goes_on(folder):
-    outcome = told("sweep", "study.toml")
+def test_a_sweep_is_stored_and_continued(folder):
+    outcome = invoke("sweep", "study.toml")
     assert outcome.exit_code == 0, outcome.output
     line = r"4 lanes, 0 failed, 0 pending, \d+ steps, largest force [\d.]+ N: .*index.html"
     assert re.search(line, outcome.stdout)
@@ -447,12 +446,12 @@ def test_a_sweep_is_stored_and_goes_on(folder):
     assert len(frame) == 4 and set(frame["result"]) == {"successful"}
     np.testing.assert_array_equal(frame["peak [N]"], dataset["peak"].values.ravel())
     assert (out / "figures" / "peak.png").exists() and (out / "index.html").exists()
-    assert told("sweep", "study.toml", "--set", "sweep.axes.gravity.count=3").exit_code == 0
+    assert invoke("sweep", "study.toml", "--set", "sweep.axes.gravity.count=3").exit_code == 0
     assert len(pd.read_csv(out / "sweep.csv")) == 6
 
 
 @pytest.mark.slow
-def test_a_fit_finds_what_made_the_data(folder):
+def test_a_fit_finds_the_true_value(folder):
     scene, state = dropped_rod()
     times = np.linspace(1e-3, 0.02, 40)
     clearance = {"c": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
@@ -460,7 +459,7 @@ def test_a_fit_finds_what_made_the_data(folder):
     values = cj.sensitivities(scene, state, 0.02, clearance, height, times).values["height"]
     noisy = values * 1e6 + np.random.default_rng(0).normal(size=40)
     pd.DataFrame({"time [ms]": times * 1e3, "height [um]": noisy}).to_csv("rig.csv", index=False)
-    outcome = told("fit", "study.toml")
+    outcome = invoke("fit", "study.toml")
     assert outcome.exit_code == 0, outcome.output
     out = Path("results/study/fit")
     table = pd.read_csv(out / "estimates.csv", index_col=0)
@@ -486,7 +485,7 @@ clearjoint_command.main()
 """
 
 
-def test_ctrl_c_while_the_program_is_imported_ends_it_with_a_word():
+def test_ctrl_c_during_the_import_ends_the_program():
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED],
         cwd=Path(__file__).parents[2],
@@ -510,7 +509,7 @@ def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
         return cj.identify(*arguments, progress=stop, **options)
 
     monkeypatch.setattr(fitting, "identify", stopped)
-    outcome = told("fit", "study.toml", "--out", "stopped")
+    outcome = invoke("fit", "study.toml", "--out", "stopped")
     assert outcome.exit_code == 130, outcome.output
     assert "interrupted; the best fit so far is in stopped" in outcome.output
     assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"

@@ -1,7 +1,7 @@
-"""Native programs kept on disk are not taken for changed code: each change is tried anew.
+"""Saved native programs are not used after a change of code.
 
-`changed_code/laws.txt` has laws that take a number from as many places; the second process has
-another number there. `UPGRADED` edits a file of the package while a process has it open.
+The laws in `changed_code/laws.txt` take a number from different sources, and the second process
+has another number there. `UPGRADED` edits a file of the package while a process runs.
 """
 
 import json
@@ -34,18 +34,18 @@ def compiled(*arguments):
     traced.append("contact_normal_force")
     return original(*arguments)
 force.native._compiled = compiled
-gap = cj.Gap(depth=1e-4, rate=0.1)
+gap = cj.extend.Gap(depth=1e-4, rate=0.1)
 """
 LAWS = """
 import json
 import equinox as eqx
-own = float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1))
+own = float(force(cj.laws.HuntCrossley(0.8, 1e9), gap, 0.1))
 compiled = list(traced)
 import laws
 
-class Spring(cj.AbstractContactLaw):
+class Spring(cj.extend.AbstractContactLaw):
     law: eqx.Module
-    has_memory = False
+    uses_entry_speed = False
     def elastic_force(self, gap):
         return self.law.k() * gap.depth
     def force(self, gap, entry_speed):
@@ -53,7 +53,7 @@ class Spring(cj.AbstractContactLaw):
     def stored_energy(self, gap):
         return 0.5 * self.law.k() * gap.depth**2
 
-class Drag(cj.AbstractForce):
+class Drag(cj.extend.AbstractForce):
     body: str
     law: eqx.Module
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -93,11 +93,11 @@ CHANGES = (
     "subclasses",
     "npload_alias",
 )
-"""Laws of `changed_code/laws.txt` that the fast test takes."""
+"""Laws of `changed_code/laws.txt` in the fast test."""
 
 
 def process(folder, code, *words):
-    """What a process prints last, with the modules of a folder before all others."""
+    """Return the last line that a process prints, with a folder first in its path of modules."""
     variables = {
         "PYTHONPATH": os.pathsep.join([str(folder), str(PACKAGE.parent)]),
         # Within a second Python may take a file's bytecode for that of an edited one.
@@ -116,7 +116,7 @@ def process(folder, code, *words):
 
 
 def write_laws(folder, number):
-    """The laws, and modules that they use."""
+    """Write the laws and the modules that they use."""
     for name in ("laws", "helpers"):
         text = (TEMPLATES / f"{name}.txt").read_text().replace("{K}", str(number))
         (folder / f"{name}.py").write_text(text)
@@ -127,8 +127,11 @@ def write_laws(folder, number):
 
 
 def numbers_of_two_processes(folder, *words):
-    """By law what two processes computed, and the numbers that the laws gave them, with another
-    number in the code of the second; a call of the package's classes alone is loaded there."""
+    """Yield for two processes the results of each law and the expected numbers.
+
+    The code of the second process has another number. It loads a call with classes of the package
+    only, without tracing.
+    """
     for number in (1, 2):
         write_laws(folder, number)
         own, traced, found, said = process(folder, LAWS, *words)
@@ -165,7 +168,7 @@ if "edit" in sys.argv:
     new = text.replace(old, old.replace("law", "2.0 * law"))
     assert new != text
     file.write_text(new)
-print(json.dumps([traced, float(force(cj.HuntCrossley(0.8, 1e9), gap, 0.1)), cj.__file__]))
+print(json.dumps([traced, float(force(cj.laws.HuntCrossley(0.8, 1e9), gap, 0.1)), cj.__file__]))
 """
 
 

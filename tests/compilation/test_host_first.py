@@ -1,4 +1,4 @@
-"""What is computed once a run is computed by numpy, and compiled only where it needs JAX."""
+"""`HostFirst`: functions computed by NumPy, and compiled only if they need JAX."""
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +9,11 @@ import clearjoint as cj
 from clearjoint.compilation import HostFirst
 from clearjoint.dynamics import assembly, constraint_report, journals
 from clearjoint.math.functions import cosine, polar_angle, sine, where
-from clearjoint.simulation.run_checks import check_structure
+from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
-    constraint_report._constraints_first_on_host,
+    constraint_report._start_rows_by_numpy,
     assembly.round_trip,
     journals.contact_depths,
 )
@@ -23,7 +23,7 @@ def kinked(x, y):
     return {"angle": polar_angle(sine(x), cosine(x)) / y, "part": where(x > 1.0, x, -x)}
 
 
-def test_nothing_is_compiled_for_what_numpy_can_compute():
+def test_functions_that_numpy_can_compute_are_not_compiled():
     function = HostFirst(kinked)
     found = function(jnp.asarray(0.25), y=2.0)
     assert function.programs() == 0
@@ -31,7 +31,7 @@ def test_nothing_is_compiled_for_what_numpy_can_compute():
     assert all(isinstance(leaf, np.ndarray | np.generic) for leaf in jax.tree.leaves(found))
 
 
-def test_numpy_says_nothing_of_what_is_not_finite(recwarn):
+def test_numpy_does_not_warn_of_numbers_that_are_not_finite(recwarn):
     found = HostFirst(kinked)(np.asarray(0.25), y=np.asarray(0.0))
     assert np.isinf(found["angle"]) and not recwarn
 
@@ -44,7 +44,7 @@ def test_numpy_says_nothing_of_what_is_not_finite(recwarn):
     ],
     ids=["a derivative", "a method of JAX's arrays"],
 )
-def test_what_needs_jax_is_compiled_once(function):
+def test_functions_that_need_jax_are_compiled_once(function):
     asked = []
 
     def counted(x):
@@ -57,12 +57,12 @@ def test_what_needs_jax_is_compiled_once(function):
     assert first.programs() == 1 and len(asked) == 2
 
 
-def test_where_under_vmap_takes_each_lane_its_own():
+def test_where_under_vmap_selects_in_each_lane():
     x = jnp.linspace(-1.0, 1.0, 5)
     np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))
 
 
-@pytest.mark.parametrize("mechanism", [cj.double_pendulum, four_bar])
+@pytest.mark.parametrize("mechanism", [cj.mechanisms.double_pendulum, four_bar])
 def test_a_start_is_checked_without_compiling(mechanism):
     scene, state = mechanism()
     before = [check.programs() for check in CHECKS]
@@ -70,13 +70,18 @@ def test_a_start_is_checked_without_compiling(mechanism):
     assert [check.programs() for check in CHECKS] == before
 
 
-def test_constraints_by_numpy_are_those_compiled():
+def test_constraints_by_numpy_equal_the_compiled_ones():
     scene, state = four_bar()
-    by_numpy = constraint_report._constraints_first_on_host(
-        scene, cj.AbsoluteCoordinates(), state, jnp.asarray(0.0)
+    coordinates = cj.AbsoluteCoordinates()
+
+    def arrays(rows):
+        return rows.values, rows.rates, rows.jacobian, rows.left
+
+    by_numpy = arrays(
+        constraint_report._start_rows_by_numpy(scene, coordinates, state, jnp.asarray(0.0))
     )
     compiled = jax.jit(
-        lambda state: constraint_report.constraints(scene, cj.AbsoluteCoordinates(), state, 0.0)
+        lambda state: arrays(constraint_report.start_rows(scene, coordinates, state, 0.0))
     )(state)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled

@@ -1,4 +1,4 @@
-"""Native programs that are kept on disk: loaded later, and only where they are the same."""
+"""Native programs on disk, and when they are loaded."""
 
 import os
 import sys
@@ -17,7 +17,7 @@ from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
 from clearjoint.dynamics.grouping import condensing
 from clearjoint.native import Native, NativeFunction
-from clearjoint.simulation.batch import scheduler
+from clearjoint.simulation.lanes import scheduler
 from studies.benchmark.chain import chain
 
 
@@ -42,14 +42,13 @@ def added(pair, factor=1.0):
 
 
 def call(pair, factor):
-    """As another process calls the function: it has no program of it in memory."""
+    """Call the function without a program in memory, as in another process."""
     return NativeFunction(added)(pair, factor)
 
 
 @pytest.fixture
 def folder(monkeypatch, tmp_path):
-    """The folder of programs, which are kept, with this module among the packages whose code is
-    accepted."""
+    """The folder of saved programs; code of this module is accepted like that of the packages."""
     TRACED.clear()
     monkeypatch.setattr(package_code, "_STATE", package_code._State())
     package_code.remember_contents()
@@ -75,7 +74,7 @@ def test_the_next_process_traces_nothing_and_the_bits_are_the_same(folder):
     np.testing.assert_array_equal(first[0].first, again[0].first)
 
 
-def test_numbers_of_arrays_are_no_part_of_the_key(folder):
+def test_numbers_in_arrays_are_not_part_of_the_key(folder):
     call(PAIR, np.asarray(2.0))
     found = call(Pair(PAIR.first + 1.0, PAIR.second), np.asarray(3.0))
     assert len(TRACED) == 1
@@ -94,7 +93,7 @@ UNLIKE = {
 
 
 @pytest.mark.parametrize("other", UNLIKE.values(), ids=UNLIKE)
-def test_what_is_not_alike_is_compiled(folder, other):
+def test_arguments_of_another_structure_are_compiled(folder, other):
     call(PAIR, 2.0)
     call(*other)
     assert len(TRACED) == 2
@@ -109,7 +108,7 @@ def test_settings_are_part_of_the_key(folder):
     assert len(TRACED) == 3
 
 
-def test_within_a_process_it_is_looked_for_once(folder):
+def test_the_disk_is_searched_once_in_a_process(folder):
     function = NativeFunction(added)
     function(PAIR, 2.0)
     for file in folder.iterdir():
@@ -135,7 +134,7 @@ def differentiated(scene, state):
 
 @pytest.fixture
 def small_groups(monkeypatch):
-    """Elements are put together from two on, and no program is in memory."""
+    """Groups have two elements or more, and no program is in memory."""
     monkeypatch.setattr(condensing, "SMALLEST", 2)
 
     def forget():
@@ -152,9 +151,8 @@ def small_groups(monkeypatch):
 @pytest.mark.parametrize(
     "call", [simulated, swept, pytest.param(differentiated, marks=pytest.mark.slow)]
 )
-def test_programs_of_scenes_with_elements_put_together(small_groups, folder, call):
-    """The next process reads them, keeps no others, and does not ask for the machine code of any,
-    which is kept beside each of them."""
+def test_programs_of_scenes_with_groups_of_elements(small_groups, folder, call):
+    """The next process reads them, writes none, and does not read their separate machine code."""
     scene, state = chain(4)
     first = call(scene, state)
     files = list(folder.iterdir())
@@ -170,7 +168,7 @@ def test_programs_of_scenes_with_elements_put_together(small_groups, folder, cal
 
 
 @pytest.mark.parametrize("damage", ["cut", "turned", "emptied", "strange"])
-def test_damaged_files_are_compiled_anew(folder, damage):
+def test_programs_in_damaged_files_are_compiled_again(folder, damage):
     call(PAIR, 2.0)
     for file in folder.iterdir():
         whole = file.read_bytes()
@@ -196,7 +194,7 @@ def test_a_folder_to_which_all_may_write_is_not_used(folder):
     assert len(TRACED) == 3
 
 
-def test_a_folder_that_may_only_be_read_is_read(folder, monkeypatch):
+def test_a_read_only_folder_is_read(folder, monkeypatch):
     call(PAIR, 2.0)
 
     def refuses(*_):
@@ -208,7 +206,7 @@ def test_a_folder_that_may_only_be_read_is_read(folder, monkeypatch):
     assert len(TRACED) == 1
 
 
-def test_it_is_off_unless_switched_on_and_where_the_cache_is_off(folder):
+def test_saving_is_off_by_default_and_without_a_cache(folder):
     keep_programs(False)
     call(PAIR, 2.0)
     call(PAIR, 2.0)
@@ -221,7 +219,7 @@ def test_it_is_off_unless_switched_on_and_where_the_cache_is_off(folder):
     assert len(TRACED) == 3
 
 
-def test_the_folder_is_bounded_and_loses_what_was_not_used_for_longest(tmp_path):
+def test_the_oldest_files_of_a_full_folder_are_removed(tmp_path):
     store = ProgramStore(tmp_path, most_bytes=2500)
     contents = {name: np.random.default_rng(k).bytes(1000) for k, name in enumerate("abc")}
     for k, name in enumerate("ab"):
@@ -233,7 +231,7 @@ def test_the_folder_is_bounded_and_loses_what_was_not_used_for_longest(tmp_path)
     assert [store.read(name) for name in "ac"] == [contents["a"], contents["c"]]
 
 
-def test_threads_that_simulate_at_once_have_each_its_own_scene(folder):
+def test_threads_simulate_different_scenes_at_once(folder):
     def fall(k):
         body = {f"mass {k}": cj.Body(2.0, (1.0, 1.0, 1.0))}
         scene = cj.Scene(body, gravity=(0.0, 1.0 + k, 0.0))

@@ -1,4 +1,4 @@
-"""The package's code in a process: whether it is that of its files, and what was replaced in it."""
+"""Detection of changed files and of replaced code of the package in a process."""
 
 import diffrax
 import jax.numpy as jnp
@@ -8,12 +8,12 @@ import clearjoint as cj
 from clearjoint.compilation import package_code
 from clearjoint.fields import declarations
 from clearjoint.model.contact import laws
-from clearjoint.simulation import step_length, stepping
+from clearjoint.simulation.step import step_length, stepping
 
 
 @pytest.fixture
 def state(monkeypatch):
-    """What is known of the package's code, with all that it holds now as its own."""
+    """The recorded state of the package's code, with its present contents."""
     fresh = package_code._State()
     monkeypatch.setattr(package_code, "_STATE", fresh)
     package_code.remember_contents()
@@ -28,7 +28,7 @@ NUMBER = next(name for name, value in vars(step_length).items() if type(value) i
 REPLACED = {
     "a constant": (step_length, NUMBER, 123.0),
     "a function": (stepping, "attempt", other),
-    "a method": (cj.RegularisedCoulomb, "ratio", other),
+    "a method": (cj.frictions.RegularisedCoulomb, "ratio", other),
     "code": (laws.contact_normal_force, "__code__", other.__code__),
     "defaults": (cj.simulate, "__kwdefaults__", {}),
     "a class": (cj, "Body", cj.State),
@@ -38,8 +38,8 @@ REPLACED = {
 
 
 @pytest.mark.parametrize("replaced", REPLACED.values(), ids=REPLACED)
-def test_what_was_replaced_is_noticed(state, replaced, monkeypatch):
-    """And not forgotten, since JAX keeps what it traced with it."""
+def test_replaced_code_is_noticed(state, replaced, monkeypatch):
+    """Also after it was restored, since JAX caches programs that were traced with it."""
     assert package_code.source_digest() == package_code.source_digest()
     with monkeypatch.context() as patch:
         patch.setattr(*replaced)
@@ -51,7 +51,7 @@ def test_what_was_replaced_is_noticed(state, replaced, monkeypatch):
     assert package_code.source_digest()
 
 
-def test_a_constant_in_a_dictionary_and_an_attribute_more_are_noticed(state, monkeypatch):
+def test_new_constants_in_dictionaries_and_new_attributes_are_noticed(state, monkeypatch):
     name = next(iter(declarations._COUNTS))
     with monkeypatch.context() as patch:
         patch.setitem(declarations._COUNTS, name, None)
@@ -59,7 +59,7 @@ def test_a_constant_in_a_dictionary_and_an_attribute_more_are_noticed(state, mon
             package_code.source_digest()
     state.changed = False
     with monkeypatch.context() as patch:
-        patch.setattr(cj.RegularisedCoulomb, "more", other, raising=False)
+        patch.setattr(cj.frictions.RegularisedCoulomb, "more", other, raising=False)
         with pytest.raises(package_code.ChangedCodeError):
             package_code.source_digest()
 

@@ -1,4 +1,4 @@
-"""Values of which programs are kept: which have a digest, what changes it, and which have none."""
+"""Digests of values: equal and different ones, and values that are refused."""
 
 import array
 import collections
@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation.plain_values import NotPlainError, described
-from clearjoint.math.groups import Several
-from clearjoint.simulation.motion_modes import MotionMode
+from clearjoint.compilation.plain_values import NotPlainError, digest_of
+from clearjoint.math.groups import GroupName
+from clearjoint.simulation.results.motion_modes import MotionMode
 
 
 def test_data_differ_by_type_and_value():
@@ -27,25 +27,25 @@ def test_data_differ_by_type_and_value():
     values += (None, array, array[:, None], array.astype(">f8"), 0.0, -0.0, math.nan, (1, (2,)))
     values += (MotionMode(0), MotionMode(1), diffrax.Tsit5)
     values += (("a", "bc"), ("ab", "c"), cj.simulate, cj.Body, cj.Body.rod)
-    assert len({described(value) for value in values}) == len(values)
-    assert described({"a": [1, (2.0, "b")]}) == described({"a": [1, (2.0, "b")]})
+    assert len({digest_of(value) for value in values}) == len(values)
+    assert digest_of({"a": [1, (2.0, "b")]}) == digest_of({"a": [1, (2.0, "b")]})
 
 
-def test_names_of_several_differ_from_their_text():
-    one, other = Several(("a", "b")), Several(("a", "c"))
-    assert len({described(name) for name in (one, other, str(one))}) == 3
-    assert described(one) == described(Several(["a", "b"]))
+def test_names_of_groups_differ_from_their_text():
+    one, other = GroupName(("a", "b")), GroupName(("a", "c"))
+    assert len({digest_of(name) for name in (one, other, str(one))}) == 3
+    assert digest_of(one) == digest_of(GroupName(["a", "b"]))
 
 
-def test_values_of_the_package_have_one():
-    settings = (cj.presets.study, cj.Settings(solver=diffrax.Dopri8()))
-    scene, state = cj.double_pendulum()
-    values = (*settings, scene, state, cj.double_pendulum(0.1e-3)[0])
-    assert len({described(value) for value in values}) == len(values)
-    assert described(cj.double_pendulum()[0]) == described(scene)
+def test_values_of_the_package_have_a_digest():
+    settings = (cj.presets.accurate, cj.Settings(solver=diffrax.Dopri8()))
+    scene, state = cj.mechanisms.double_pendulum()
+    values = (*settings, scene, state, cj.mechanisms.double_pendulum(0.1e-3)[0])
+    assert len({digest_of(value) for value in values}) == len(values)
+    assert digest_of(cj.mechanisms.double_pendulum()[0]) == digest_of(scene)
 
 
-class Own(cj.HuntCrossley):
+class Own(cj.laws.HuntCrossley):
     pass
 
 
@@ -111,21 +111,21 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("value", FOREIGN.values(), ids=FOREIGN)
-def test_code_from_outside_has_none_wherever_it_is_held(value):
+def test_values_that_contain_other_code_are_refused(value):
     for held in (value, [(value,)], {"a": value}):
         with pytest.raises(NotPlainError):
-            described(held)
+            digest_of(held)
 
 
-def test_names_of_the_package_are_no_disguise():
-    """A class counts by what the package's module has under its name."""
+def test_classes_with_a_name_of_the_package_are_refused():
+    """A class must be the member of the package's module with its name."""
     disguised = type("Saving", (cj.Saving,), {"__module__": cj.Saving.__module__})
-    assert described(cj.Saving())
+    assert digest_of(cj.Saving())
     with pytest.raises(NotPlainError):
-        described(disguised())
+        digest_of(disguised())
 
 
 def test_attributes_set_on_an_instance_change_it(monkeypatch):
-    before = described(MotionMode(0))
+    before = digest_of(MotionMode(0))
     monkeypatch.setattr(MotionMode(0), "k", 2.0, raising=False)
-    assert described(MotionMode(0)) != before
+    assert digest_of(MotionMode(0)) != before

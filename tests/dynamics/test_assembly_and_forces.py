@@ -1,4 +1,4 @@
-"""Assembly by projection, springs and loads by closed forms, and the axial policies at work."""
+"""Assembly by projection, springs and loads against closed forms, and the axial policies."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,9 @@ import pytest
 import clearjoint as cj
 
 
-def test_assembly_meets_positions_and_velocities():
-    """A rough guess of the ideal double pendulum: projected onto both, and left alone then."""
-    scene, exact = cj.double_pendulum(clearance=None)
+def test_assembly_satisfies_positions_and_velocities():
+    """A rough guess of the ideal double pendulum is projected; an exact state is unchanged."""
+    scene, exact = cj.mechanisms.double_pendulum(clearance=None)
     rough = cj.State(
         {
             "arm 2": cj.body_state((0.52, 0.03, -0.01), velocity=(0.1, 0.2, 0.0), spin=(0, 0, 1)),
@@ -25,17 +25,17 @@ def test_assembly_meets_positions_and_velocities():
 
 
 def test_rows_of_the_jacobian_are_those_of_their_names():
-    """Translations and tilts of a hinge about z between the ground and a body at its place."""
-    here, z = (0, 0, 0), (0, 0, 1)
-    hinge = cj.RevoluteJoint("ground", "rotor", here, here, z, z)
+    """Translations and tilts of a hinge about z between the ground and a body at the origin."""
+    origin, z = (0, 0, 0), (0, 0, 1)
+    hinge = cj.RevoluteJoint("ground", "rotor", origin, origin, z, z)
     scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
-    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state(here)}))
+    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state(origin)}))
     for name, row in zip(report.names, report.jacobian, strict=True):
-        moves, turns = np.abs(row[:3]).sum() > 0, np.abs(row[3:]).sum() > 0
-        assert (moves, turns) == ("translation" in name, "tilt" in name), name
+        translates, tilts = np.abs(row[:3]).sum() > 0, np.abs(row[3:]).sum() > 0
+        assert (translates, tilts) == ("translation" in name, "tilt" in name), name
 
 
-def test_spring_and_damper_oscillate_as_they_should():
+def test_spring_and_damper_oscillate_as_in_the_closed_form():
     """m x'' + c x' + k x = 0 from x = 0.3 m: x = exp(-d t)(cos w t + d/w sin w t) 0.3."""
     mass, stiffness, damping, length = 2.0, 50.0, 1.2, 1.0
     spring = cj.SpringDamper("ground", "block", (0, 0, 0), (0, 0, 0), stiffness, damping, length)
@@ -67,7 +67,7 @@ def test_load_and_torque_accelerate_a_free_body():
     assert angle == pytest.approx(0.5 * 0.4 / 0.25 * 4.0, abs=1e-6)
 
 
-def _axial_offset(observed: cj.Observation) -> np.ndarray:
+def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
     points = [observed.contacts["shoulder"][base].point_on_journal[:, 2] for base in "VW"]
     return 0.5 * (points[0] + points[1])
 
@@ -78,7 +78,7 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
         pytest.param(cj.FreeAxially(), 1e-3, 1.0, marks=pytest.mark.slow),
         (cj.FixedAxially(), 0.0, 1e-9),
         pytest.param(
-            cj.EndPlay(2e-4, cj.LankaraniNikravesh(0.5, 1e9)),
+            cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)),
             0.99e-4,
             1.2e-4,
             marks=pytest.mark.slow,
@@ -87,8 +87,8 @@ def _axial_offset(observed: cj.Observation) -> np.ndarray:
     ids=["free", "fixed", "end play"],
 )
 def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
-    """Freely, arm 2 slides a millimetre along the journal in 0.12 s."""
-    scene, state = cj.double_pendulum(axial=axial)
+    """If it is free, arm 2 slides a millimetre along the journal in 0.12 s."""
+    scene, state = cj.mechanisms.double_pendulum(axial=axial)
     solution = cj.simulate(
         scene, state, 0.13, cj.Settings(rtol=1e-8), save=cj.Saving(np.linspace(0, 0.13, 200))
     )

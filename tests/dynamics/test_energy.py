@@ -1,4 +1,4 @@
-"""The energy ledger closes over four seconds, and constraints stay where they belong."""
+"""The energy ledger closes over four seconds, and constraints do not drift."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ import pytest
 import clearjoint as cj
 
 
-def _observed(restitution: float, stabilisation: cj.AbstractStabilisation) -> cj.Observation:
-    scene, state = cj.double_pendulum(restitution=restitution)
+def _observed(
+    restitution: float, stabilisation: cj.extend.AbstractStabilisation
+) -> cj.results.Observation:
+    scene, state = cj.mechanisms.double_pendulum(restitution=restitution)
     solution = cj.simulate(
         scene,
         state,
@@ -35,8 +37,8 @@ def test_ledger_closes(restitution):
 
 @pytest.mark.slow
 def test_friction_dissipates_and_is_booked():
-    """A body sliding on the bearing's wall: what the ledger says is lost is what is lost."""
-    scene, state = cj.double_pendulum(friction=cj.RegularisedCoulomb(0.1))
+    """For a body sliding on the bearing's wall, the ledger closes with friction."""
+    scene, state = cj.mechanisms.double_pendulum(friction=cj.frictions.RegularisedCoulomb(0.1))
     solution = cj.simulate(
         scene,
         state,

@@ -1,4 +1,4 @@
-"""Alike elements put together: the same numbers as each by itself, under their own names."""
+"""Grouped elements: the same numbers as single elements, under the same names."""
 
 import copy
 import dataclasses
@@ -18,21 +18,21 @@ import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.grouping import condensing as grouping
 from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
-from clearjoint.dynamics.grouping.coordinates import Views, folded
+from clearjoint.dynamics.grouping.coordinates import GroupedMotions, summed_wrenches
 from clearjoint.dynamics.system import System
-from clearjoint.math.groups import Several, by_group, by_name, each
-from clearjoint.math.vectors import Vector, structured, unpack
-from clearjoint.simulation import host_run as running
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
-from clearjoint.simulation.step_state import Variables
-from clearjoint.simulation.stepping import attempt, start
+from clearjoint.math.groups import GroupName, by_group, by_name, each
+from clearjoint.math.vectors import Vector, fold_constants, unpack
+from clearjoint.simulation.run import host_run as running
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.step_state import Variables
+from clearjoint.simulation.step.stepping import attempt, start
 from studies.benchmark.chain import chain
 
-SIMULATE = sys.modules["clearjoint.simulation.simulate"]
-"""The module, whose name is also that of its function."""
-ROUGH = cj.RegularisedCoulomb(0.1)
-STOPS = cj.EndPlay(1e-3, cj.Hertz(1e9))
+SIMULATE = sys.modules["clearjoint.simulation.run.simulate"]
+"""The module; its name is also that of its function."""
+ROUGH = cj.frictions.RegularisedCoulomb(0.1)
+STOPS = cj.EndPlay(1e-3, cj.laws.Hertz(1e9))
 SPRING = {"spring": cj.SpringDamper("ground", "rod 4", (0.7, 0.2, 0), (0.01, 0.0, 0), 50.0, 2.0)}
 
 
@@ -51,7 +51,7 @@ def uneven(rods, unlike=(), forces=None, **options):
 
 
 def shaken(state, seed=1):
-    """Bodies off their places by about the clearance, tilted and moving; and some memory."""
+    """Bodies displaced by about the clearance, tilted and moving; and entry speeds."""
     random = np.random.default_rng(seed)
     bodies = {
         name: cj.body_state(
@@ -62,15 +62,15 @@ def shaken(state, seed=1):
         )
         for name, body in state.bodies.items()
     }
-    memory = {
+    entry_speeds = {
         name.replace("rod", "joint"): {"V": random.uniform(0.1, 1), "W": random.uniform(0.1, 1)}
         for name in bodies
     }
-    return cj.State(bodies, jax.tree.map(np.asarray, memory))
+    return cj.State(bodies, jax.tree.map(np.asarray, entry_speeds))
 
 
-class OiledBall(cj.AbstractContactJoint):
-    """A ball in an oiled socket: a third party's, with a film of its own."""
+class OiledBall(cj.extend.AbstractContactJoint):
+    """A user-defined ball in an oiled socket, with its own film."""
 
     first: str
     second: str
@@ -78,7 +78,7 @@ class OiledBall(cj.AbstractContactJoint):
     end_second: tuple[float, float, float]
     clearance: float
     damping: float
-    law: cj.AbstractContactLaw
+    law: cj.extend.AbstractContactLaw
 
     def pair(self):
         return self.first, self.second
@@ -93,9 +93,9 @@ class OiledBall(cj.AbstractContactJoint):
 
     def contacts(self, motions):
         apart, velocity = self._moving(motions)
-        distance, normal = cj.norm_and_direction(apart)
-        gap = cj.Gap(distance - self.clearance, velocity.dot(normal))
-        return {"V": cj.Contact(gap, normal, self.end_first, self.end_second, None)}
+        distance, normal = cj.extend.norm_and_direction(apart)
+        gap = cj.extend.Gap(distance - self.clearance, velocity.dot(normal))
+        return {"V": cj.extend.Contact(gap, normal, self.end_first, self.end_second, None)}
 
     def friction_force(self, name, contact, normal_force):
         return None
@@ -111,12 +111,14 @@ class OiledBall(cj.AbstractContactJoint):
 
 
 def oiled():
-    """The chain with such balls in the place of its journals."""
+    """The chain with these balls instead of journals."""
     scene, state = uneven(8)
     joints = {}
     for k, (name, dry) in enumerate(scene.joints.items()):
         ends = dry.bearing_point, dry.journal_point
-        joints[name] = OiledBall(*dry.pair(), *ends, 2.5 * dry.clearance, 5.0 + k, cj.Hertz(1e8))
+        joints[name] = OiledBall(
+            *dry.pair(), *ends, 2.5 * dry.clearance, 5.0 + k, cj.laws.Hertz(1e8)
+        )
     return dataclasses.replace(scene, joints=joints), state
 
 
@@ -129,20 +131,20 @@ SCENES = {
 
 
 def told(coordinates, scene, state, together):
-    """What the equations of motion say, by the elements' own names."""
+    """Return the results of the equations of motion by the names of single elements."""
 
-    formulation, scene = Formulation(coordinates, ledger=True), unpack(structured(scene))
+    formulation, scene = Formulation(coordinates, ledger=True), unpack(fold_constants(scene))
     system = System.of(scene, formulation) if together else System(scene, formulation)
     assert together == bool(groups(system.scene))
     variables = jax.tree.map(jnp.asarray, system.encode(unpack(state.bodies)))
-    memory, t = by_group(state.memory, system.scene.joints), jnp.zeros(())
-    dynamics = system.dynamics(variables, memory, t)
+    entry_speeds, t = by_group(state.entry_speeds, system.scene.joints), jnp.zeros(())
+    dynamics = system.dynamics(variables, entry_speeds, t)
     rates = jax.tree.map(jnp.asarray, dynamics.variable_rates)
     return {
         "bodies": by_name(system.decode(variables)),
         "accelerations": dynamics.accelerations,
         "forces": by_name(dynamics.contact_forces),
-        "reaches": by_name(system.reaches(variables)),
+        "reaches": by_name(system.contact_gaps(variables)),
         "second rates": by_name(system.second_rates(variables, rates)),
         "energy": system.energies(variables, t),
         "powers": system.powers(dynamics, t),
@@ -168,7 +170,7 @@ def test_equations_of_motion_are_the_same(case, coordinates):
 
 
 def test_each_rod_obeys_newton():
-    """Mass times acceleration is weight and the forces of the joints at both of its ends."""
+    """Mass times acceleration is the sum of weight and of the joints' forces at both ends."""
     scene, state = SCENES["chain"]
     found = told(cj.AbsoluteCoordinates(), scene, shaken(state), True)
 
@@ -188,25 +190,25 @@ def test_each_rod_obeys_newton():
 
 
 def attempts(smallest, growth):
-    """The start of a chain with contacts open and closed, a step without compiling, and whether it
-    was accepted; its clearances are larger by a share."""
+    """Return a step from the start of a chain with open and closed contacts, and whether it was
+    accepted; clearances are increased by a relative amount."""
     scene, state = uneven(4)
     wider = [joint.clearance * (1.0 + growth) for joint in scene.joints.values()]
     scene = eqx.tree_at(lambda s: [joint.clearance for joint in s.joints.values()], scene, wider)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grouping, "SMALLEST", smallest)
         scheme = Scheme.of(cj.Settings(solver=diffrax.Heun(), rtol=1e-2, ledger=True))
-        method, system = scheme.method, scheme.unpacked(structured(scene))
+        method, system = scheme.method, scheme.unpacked(fold_constants(scene))
         state = shaken(state)
         bodies = system.encode(unpack(state.bodies))
-        memory = by_group(state.memory, system.scene.joints)
+        entry_speeds = by_group(state.entry_speeds, system.scene.joints)
         t0, t_end, first = (jnp.asarray(t) for t in (0.0, 1.0, 1e-10))
-        steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), memory)]
+        steps = [start(method, system, t0, t_end, first, Variables(bodies, {}), entry_speeds)]
         steps.append(attempt(method, system, steps[-1], t_end).step)
     found = [
         (
             (step.t, step.proposal.t_next, step.proposal.full_length, step.y.work),
-            [by_name(part) for part in (step.memory, step.reaches, step.second_rates)],
+            [by_name(part) for part in (step.entry_speeds, step.contact_gaps, step.second_rates)],
             by_name(system.decode(step.y.motion)),
         )
         for step in steps
@@ -240,7 +242,7 @@ SETTINGS = cj.Settings(solver=diffrax.Heun(), rtol=1e-6, ledger=True)
 
 @pytest.fixture(scope="module")
 def runs():
-    """Four rods by themselves; with three bodies and two joints put together; and as a sweep."""
+    """Four rods without groups; with three bodies and two joints grouped; and as a sweep."""
     scene, state = uneven(4)
     speeds = {name: (0.0, 0.1 * (-1) ** k, 0.0) for k, name in enumerate(state.bodies)}
     state = cj.State({
@@ -325,17 +327,17 @@ def test_lanes_of_a_sweep_are_the_same(runs):
     assert 0 < finished <= lane.impacts <= finished + 2
 
 
-def test_names_of_several_tell_them_apart():
-    assert Several(("a", "b")) == Several(["a", "b"]) != Several(("a, b",))
-    family = {Several(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
+def test_group_names_differ_for_different_members():
+    assert GroupName(("a", "b")) == GroupName(["a", "b"]) != GroupName(("a, b",))
+    family = {GroupName(("a", "b")): np.array([1.0, 2.0]), "c": 3.0}
     assert by_name(family) == {"a": 1.0, "b": 2.0, "c": 3.0}
     back = by_group({"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}, family)
-    np.testing.assert_array_equal(back[Several(("a", "b"))], [1.0, 2.0])
+    np.testing.assert_array_equal(back[GroupName(("a", "b"))], [1.0, 2.0])
     assert back["c"] == 3.0 and set(back) == set(family)
 
 
-def test_copies_of_names_of_several_are_the_same():
-    name = Several(("a", "b"))
+def test_copies_of_group_names_are_equal():
+    name = GroupName(("a", "b"))
     for again in (pickle.loads(pickle.dumps(name)), copy.deepcopy(name)):
         assert again == name and again.members == name.members
 
@@ -352,44 +354,48 @@ def test_each_applies_any_function_and_keeps_structural_numbers():
     assert type(zero) is float
 
 
-def test_wrenches_go_to_the_bodies_they_act_on():
-    """On one of a group, a slice, places out of order and twice, and on one body for several."""
-    group = Several("abcd")
+def test_wrenches_are_summed_for_the_bodies_on_which_they_act():
+    """On one body of a group, on a slice, on indices out of order and repeated, and repeatedly on a
+    single body."""
+    group = GroupName("abcd")
     bodies = {group: None, "hub": None}
     wrenches = {
         "c": 1.0,
-        Several("bcd"): np.array([10.0, 20.0, 30.0]),
-        Several("dad"): np.array([100.0, 200.0, 300.0]),
+        GroupName("bcd"): np.array([10.0, 20.0, 30.0]),
+        GroupName("dad"): np.array([100.0, 200.0, 300.0]),
         group: np.array([1e3, 2e3, 3e3, 4e3]),
-        Several(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
+        GroupName(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
         "hub": 10.0,
     }
     zero = Vector(0.0, 0.0, 0.0)
-    found = folded(
-        {name: cj.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero) for name, x in wrenches.items()},
+    found = summed_wrenches(
+        {
+            name: cj.extend.Wrench(Vector(jnp.asarray(x), 0.0, 0.0), zero)
+            for name, x in wrenches.items()
+        },
         bodies,
     )
     np.testing.assert_array_equal(found[group].force.x, [1200.0, 2010.0, 3021.0, 4430.0])
     assert found["hub"].force.x == 16.0 and found["hub"].force.y == 0.0
 
 
-def test_motions_answer_names_of_one_and_of_several():
-    group = Several("abcd")
-    motions = Views({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
-    assert motions["c"] == 2.0 and motions[Several(("hub", "hub"))] == 9.0
-    np.testing.assert_array_equal(motions[Several("bcd")], [1, 2, 3])
-    np.testing.assert_array_equal(motions[Several("dab")], [3, 0, 1])
+def test_grouped_motions_by_names_of_one_and_of_several_bodies():
+    group = GroupName("abcd")
+    motions = GroupedMotions({group: jnp.arange(4.0), "hub": jnp.asarray(9.0)})
+    assert motions["c"] == 2.0 and motions[GroupName(("hub", "hub"))] == 9.0
+    np.testing.assert_array_equal(motions[GroupName("bcd")], [1, 2, 3])
+    np.testing.assert_array_equal(motions[GroupName("dab")], [3, 0, 1])
     with pytest.raises(KeyError):
         motions["e"]
 
 
 def grouped_names(scene):
-    return {name.members for name in groups(condensed(unpack(structured(scene))))}
+    return {name.members for name in groups(condensed(unpack(fold_constants(scene))))}
 
 
-def test_what_is_put_together():
-    """Rods that move freely, and joints between them: not what an ideal joint, an anchor or another
-    structure holds apart, nor too few."""
+def test_elements_that_are_grouped():
+    """Free rods and joints between them; not elements with an ideal joint, an anchor or another
+    structure, nor too few."""
     rods, joints = ([f"{what} {k}" for k in range(1, 9)] for what in ("rod", "joint"))
     assert grouped_names(uneven(8)[0]) == {tuple(rods[1:]), tuple(joints[2:])}
     assert grouped_names(uneven(8, (8,))[0]) == {tuple(rods[1:7]), tuple(joints[2:7])}
@@ -403,7 +409,7 @@ def test_what_is_put_together():
     )
 
 
-def test_joints_of_one_hub_are_put_together():
+def test_joints_of_one_hub_are_grouped():
     scene, _ = uneven(6)
     spokes = {
         f"pin {k}": eqx.tree_at(
@@ -419,8 +425,8 @@ def test_joints_of_one_hub_are_put_together():
     assert names == {tuple(f"rod {k}" for k in range(2, 7)), tuple(spokes)}
 
 
-def test_condensed_scene_is_made_whole():
-    scene = unpack(structured(uneven(8, friction=ROUGH)[0]))
+def test_the_original_scene_is_restored_from_a_condensed_one():
+    scene = unpack(fold_constants(uneven(8, friction=ROUGH)[0]))
     again = whole(condensed(scene))
     assert jax.tree.structure(again) == jax.tree.structure(scene)
     for one, other in zip(jax.tree.leaves(again), jax.tree.leaves(scene), strict=True):

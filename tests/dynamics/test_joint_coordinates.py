@@ -10,14 +10,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint import bricard, double_four_bar
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
-from clearjoint.math.vectors import EulerParameters, pack, structured, unpack
+from clearjoint.math.vectors import EulerParameters, fold_constants, pack, unpack
+from clearjoint.mechanisms import bricard, double_four_bar
 from clearjoint.model.bodies import GROUND
 from clearjoint.model.joints.motion_subspaces import Slider
 from tests.support.reference import CASES
@@ -28,8 +28,8 @@ TURN = RANDOM.normal(size=4)
 TURN /= np.linalg.norm(TURN)
 
 
-class Rail(cj.AbstractConstraint):
-    """A joint by a third party: the second body slides on the first along an axis of the latter."""
+class Rail(cj.extend.AbstractConstraint):
+    """A user-defined joint: the second body slides on the first along an axis of the latter."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
@@ -52,9 +52,11 @@ class Rail(cj.AbstractConstraint):
 
         names = (self.first, self.second)
         labels = ("across 1", "across 2", "turn x", "turn y", "turn z")
-        return cj.rows_from_residual(names, labels, residual, motions[names[0]], motions[names[1]])
+        return cj.extend.rows_from_residual(
+            names, labels, residual, motions[names[0]], motions[names[1]]
+        )
 
-    def freedom(self, parent):
+    def motion_subspace(self, parent):
         here = rotation_matrix(self.orientation).transposed_times(unit(self.axis))
         zero = here * 0.0
         if parent == self.first:
@@ -110,8 +112,10 @@ SELDOM = ("standing", "on a table", "from a cross")
 
 
 def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):
-    """A scene of the edges, each joint with the ground, or the parent, as its second body if
-    backwards; and springs that load all bodies."""
+    """A scene with a joint for each edge and springs on all bodies.
+
+    `backwards` makes the parent the second body of each joint.
+    """
     names = sorted({name for *pair, _ in edges for name in pair} - {GROUND})
     joints = {
         f"{parent} {child}": joint(kind, *((child, parent) if backwards else (parent, child)))
@@ -127,7 +131,7 @@ def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):
 
 
 def random_variables(scene):
-    """Random variables of the shape that the scene's have, Euler parameters of unit norm."""
+    """Random variables of a scene, with Euler parameters of unit norm."""
     rest = cj.State({name: cj.body_state((0, 0, 0)) for name in scene.bodies})
     shapes = jax.eval_shape(lambda: JOINT.encode(unpack(scene), unpack(rest.bodies)))
     values = jax.tree.map(lambda leaf: RANDOM.normal(), shapes)
@@ -164,8 +168,8 @@ def arrays(tree):
     [pytest.param(kind, marks=pytest.mark.slow) if kind in SELDOM else kind for kind in EDGES],
 )
 def test_trees_move_as_in_absolute_coordinates(kind, backwards):
-    """Accelerations equal those with multipliers; the motions satisfy the joints, have the rates
-    that the variables' rates give them, and come back from the bodies' states."""
+    """Accelerations equal those with multipliers. The motions satisfy the joints, their rates are
+    consistent with those of the variables, and encoding and decoding are inverse."""
     scene = tree(EDGES[kind], backwards)
     variables = random_variables(scene)
 
@@ -202,8 +206,8 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
 @pytest.mark.parametrize(
     ("mechanism", "redundant", "left"),
     [
-        (cj.double_pendulum, False, 0),
-        (lambda: cj.double_pendulum(None), False, 0),
+        (cj.mechanisms.double_pendulum, False, 0),
+        (lambda: cj.mechanisms.double_pendulum(None), False, 0),
         (double_four_bar, True, 10),
         (bricard, True, 5),
     ],
@@ -211,15 +215,15 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
 )
 def test_mechanisms_accelerate_as_in_absolute_coordinates(mechanism, redundant, left):
     scene, state = mechanism()
-    form = structured(scene)
-    memory = {name: dict.fromkeys(family, 0.1) for name, family in scene.laws().items()}
+    form = fold_constants(scene)
+    entry_speeds = {name: dict.fromkeys(family, 0.1) for name, family in scene.laws().items()}
 
     def accelerations(coordinates):
         def at(form, state):
             scene = unpack(form)
             variables = coordinates.encode(scene, unpack(state.bodies))
             formulation = Formulation(coordinates, redundant=redundant)
-            found = System(scene, formulation).dynamics(variables, memory, 0.0)
+            found = System(scene, formulation).dynamics(variables, entry_speeds, 0.0)
             return arrays(found.accelerations), sum(map(len, found.rows.values()))
 
         return eqx.filter_jit(at)(form, state)
@@ -258,8 +262,8 @@ def test_flying_tree_keeps_energy_and_momentum():
 
 
 def _first_impacts(coordinates):
-    """The pendulum through its first impacts, saved where the reference is."""
-    scene, state = cj.double_pendulum()
+    """The pendulum through its first impacts, saved at the times of the reference."""
+    scene, state = cj.mechanisms.double_pendulum()
     times = np.linspace(0.0, 0.1, 1001)
     settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
     return scene, cj.simulate(scene, state, 0.1, settings, cj.Saving(times))
@@ -296,13 +300,13 @@ def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(run, refer
 
 
 def test_a_tree_solves_no_constraints(monkeypatch):
-    """Nothing of stabilisation, projection or multipliers is traced."""
+    """Neither stabilisation nor projection nor multipliers are traced."""
     monkeypatch.setattr(dynamics, "response", None)
-    scene, state = cj.double_pendulum()
-    scene, bodies = unpack(structured(scene)), unpack(state.bodies)
-    variables, memory = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
+    scene, state = cj.mechanisms.double_pendulum()
+    scene, bodies = unpack(fold_constants(scene)), unpack(state.bodies)
+    variables, entry_speeds = JOINT.encode(scene, bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
     system = System(scene, Formulation(JOINT, cj.Projection()))
-    assert system.dynamics(variables, memory, 0.0).multipliers == {}
+    assert system.dynamics(variables, entry_speeds, 0.0).multipliers == {}
     assert not system.is_constrained(variables, 0.0)
     absolute = System(scene, Formulation(ABSOLUTE))
     assert absolute.is_constrained(absolute.encode(bodies), 0.0)
@@ -310,7 +314,7 @@ def test_a_tree_solves_no_constraints(monkeypatch):
 
 
 def test_state_that_violates_an_eliminated_joint_is_refused():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     apart = eqx.tree_at(lambda s: s.bodies["arm 3"].position, state, np.array([1.0, 1e-3, 0.5]))
     with pytest.raises(ValueError, match="elbow: translation y"):
         cj.simulate(scene, apart, 0.1)
@@ -331,7 +335,7 @@ def test_structure_without_motion_is_for_absolute_coordinates():
     wall = cj.Body(2.0, (1.0, 1.0, 1.0))
     scene = cj.Scene({"wall": wall}, {"foot": joint}, gravity=(0, 0, -9.81))
     state = cj.State({"wall": cj.body_state((0, 0, 0))})
-    with pytest.raises(ValueError, match="something is left to move"):
+    with pytest.raises(ValueError, match="a degree of freedom is left"):
         cj.simulate(scene, state, 0.1)
     solution = cj.simulate(
         scene, state, 0.1, cj.Settings(coordinates=ABSOLUTE), save=cj.Saving([0.1])
@@ -341,7 +345,7 @@ def test_structure_without_motion_is_for_absolute_coordinates():
 
 
 def test_orientations_keep_their_sign_over_several_turns():
-    """Euler parameters of a wheel after a turn and a quarter: those of 450 degrees, not of 90."""
+    """The Euler parameters of a wheel after 450 degrees are not those of 90 degrees."""
     joint = cj.RevoluteJoint(GROUND, "wheel", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     scene = cj.Scene({"wheel": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"axle": joint})
     state = cj.State({"wheel": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
@@ -353,7 +357,7 @@ def test_orientations_keep_their_sign_over_several_turns():
 
 @pytest.mark.parametrize("apart", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_a_door_on_two_hinges_swings_as_on_one(apart):
-    """All rows of a hinge hold by the coordinates; the angle is a physical pendulum's."""
+    """The coordinates satisfy all rows of a hinge; the angle is that of a physical pendulum."""
     places = {"low": -apart, "high": apart}
     joints = {
         name: cj.RevoluteJoint("ground", "door", (0, 0, z), (-0.5, 0, z), (0, 0, 1), (0, 0, 1))

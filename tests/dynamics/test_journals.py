@@ -1,4 +1,4 @@
-"""Journals at the start: put into their bearings, or refused with joint, contact and depth."""
+"""Journal positions: corrected or refused at the start of a run, checked at its end."""
 
 import warnings
 
@@ -9,8 +9,8 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.journals import depths, slid_out, warn_of_journals_outside
 from clearjoint.fields.checks import as_number
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.run_checks import check_structure
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.run_checks import check_structure
 from clearjoint.sweeps.axes import lanes_of
 
 CLEARANCE, HALF = 0.5e-3, 0.25
@@ -27,7 +27,7 @@ def rocker(bearing="ground", axis=(0.0, 0.0, 1.0), gravity=(0.0, -9.81, 0.0), **
         bearing_radius=0.01,
         clearance=CLEARANCE,
         journal_length=0.02,
-        law=cj.Hertz(1e10),
+        law=cj.laws.Hertz(1e10),
         **{f"{kind}_{key}": value for key, value in on_rod.items()},
         **options,
     )
@@ -35,15 +35,15 @@ def rocker(bearing="ground", axis=(0.0, 0.0, 1.0), gravity=(0.0, -9.81, 0.0), **
 
 
 def start(x=0.0, y=0.0, z=0.0):
-    """The rod along X, its end off the origin."""
+    """The rod along X, with its end displaced from the origin."""
     return cj.State({"rod": cj.body_state((HALF + x, y, z), velocity=(0.1, 0.2, 0.3))})
 
 
 def end_of(state):
-    """The rod's end, and its velocity."""
+    """Return position and velocity of the rod's end."""
     body = state.bodies["rod"]
     e0, e1, e2, e3 = np.asarray(body.orientation)
-    turn = np.array(
+    rotation = np.array(
         [
             [1 - 2 * (e2 * e2 + e3 * e3), 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e3 + e0 * e2)],
             [2 * (e1 * e2 + e0 * e3), 1 - 2 * (e1 * e1 + e3 * e3), 2 * (e2 * e3 - e0 * e1)],
@@ -51,8 +51,8 @@ def end_of(state):
         ]
     )
     arm = np.array([-HALF, 0.0, 0.0])
-    velocity = np.asarray(body.velocity) + turn @ np.cross(body.spin, arm)
-    return np.asarray(body.position) + turn @ arm, velocity
+    velocity = np.asarray(body.velocity) + rotation @ np.cross(body.spin, arm)
+    return np.asarray(body.position) + rotation @ arm, velocity
 
 
 def test_a_journal_left_at_its_guess_is_refused_before_anything_is_compiled():
@@ -62,8 +62,8 @@ def test_a_journal_left_at_its_guess_is_refused_before_anything_is_compiled():
     assert segment_compiled.programs() == programs
 
 
-def test_a_journal_far_in_the_wall_is_warned_of():
-    """5 mm off in a clearance of 0.5; not so if it penetrates as contacts do."""
+def test_a_journal_far_inside_the_wall_causes_a_warning():
+    """5 mm off with a clearance of 0.5 mm; no warning for a usual penetration."""
     coordinates = cj.AbsoluteCoordinates()
     with pytest.warns(cj.UnusualValueWarning, match=r"0.0045 m deep in the wall at .*'V'.*'pin'"):
         check_structure(rocker(), start(0.005), 0.0, coordinates)
@@ -74,14 +74,14 @@ def test_a_journal_far_in_the_wall_is_warned_of():
 
 @pytest.mark.parametrize("bearing", ["ground", "rod"])
 def test_assembly_centres_a_journal_that_is_outside(bearing):
-    """It moves as an ideal joint lets it, and stays where it is along the axis."""
+    """It gets the velocity of an ideal joint, and keeps its axial position."""
     state = cj.assemble(rocker(bearing), start(0.03, -0.02, 0.004))
-    place, velocity = end_of(state)
-    np.testing.assert_allclose(place, (0.0, 0.0, 0.004), atol=1e-12)
+    position, velocity = end_of(state)
+    np.testing.assert_allclose(position, (0.0, 0.0, 0.004), atol=1e-12)
     np.testing.assert_allclose(velocity, (0.0, 0.0, 0.3), atol=1e-12)
 
 
-def test_assembly_leaves_a_journal_where_it_is_in_its_bearing():
+def test_assembly_does_not_move_a_journal_inside_its_bearing():
     guess = start(3e-4, -2e-4)
     state = cj.assemble(rocker(), guess)
     for part in ("position", "orientation", "velocity", "spin"):
@@ -97,75 +97,75 @@ def test_assembly_leaves_a_journal_where_it_is_in_its_bearing():
         ("ground", (3.0, 0.0, 8.0), (1.0, 0.0)),
     ],
 )
-def test_a_seated_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
-    """The rod's end hangs in the direction of gravity, whichever of the two is the bearing."""
+def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
+    """The rod's end is displaced in the direction of gravity, whether it is journal or bearing."""
     scene = rocker(bearing, gravity=gravity)
-    state = cj.assemble(scene, start(2e-4), seated=["pin"])
+    state = cj.assemble(scene, start(2e-4), resting=["pin"])
     np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=1e-6)
     assert np.abs([*depths(scene, state)["pin"].values()]).max() < 1e-12
     np.testing.assert_allclose(end_of(state)[1][:2], 0.0, atol=1e-3)
 
 
 def test_end_play_and_antiparallel_axes_are_assembled_too():
-    axial = cj.EndPlay(1e-3, cj.Hertz(1e9))
+    axial = cj.EndPlay(1e-3, cj.laws.Hertz(1e9))
     state = cj.assemble(rocker(axis=(0.0, 0.0, -1.0), axial=axial), start(0.0, 0.02, 0.004))
     np.testing.assert_allclose(end_of(state)[0], 0.0, atol=1e-12)
 
 
-def test_what_can_not_be_seated_is_refused():
+def test_a_journal_without_load_cannot_rest():
     scene = rocker(gravity=(0.0, 0.0, -9.81))
-    with pytest.raises(ValueError, match=r"`seated`.*pressed against 'ground' across the axis.*N"):
-        cj.assemble(scene, start(), seated=["pin"])
-    with pytest.raises(ValueError, match=r"`seated`.*clearance joints \['pin'\].*'hinge'"):
-        cj.assemble(scene, start(), seated=["hinge"])
+    with pytest.raises(ValueError, match=r"`resting`.*pressed against 'ground' across the axis.*N"):
+        cj.assemble(scene, start(), resting=["pin"])
+    with pytest.raises(ValueError, match=r"`resting`.*clearance joints \['pin'\].*'hinge'"):
+        cj.assemble(scene, start(), resting=["hinge"])
 
 
 @pytest.mark.slow
 def test_a_slider_crank_left_at_its_guess_is_assembled_and_runs():
-    scene, exact = cj.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
+    scene, exact = cj.mechanisms.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
     rod = exact.bodies["rod"]
-    place = as_number(rod.position) + np.array([0.01, -0.02, 0.0])
-    moved = cj.body_state(place, rod.orientation, rod.velocity, rod.spin)
+    position = as_number(rod.position) + np.array([0.01, -0.02, 0.0])
+    moved = cj.body_state(position, rod.orientation, rod.velocity, rod.spin)
     state = cj.assemble(scene, cj.State({**exact.bodies, "rod": moved}))
     assert max(depths(scene, state)["slider pin"].values()) == pytest.approx(-CLEARANCE)
     assert cj.simulate(scene, state, 1e-3).result == cj.RESULTS.successful
 
 
 def sliding(**options):
-    """A journal that nothing touches, at 0.4 m/s along its bearing's axis."""
+    """A journal without contact, at 0.4 m/s along its bearing's axis."""
     scene = rocker(gravity=None, **options)
     return scene, cj.State({"rod": cj.body_state((HALF, 0.0, 0.0), velocity=(0.0, 0.0, -0.4))})
 
 
-def test_a_run_tells_when_a_journal_has_left_its_bearing():
-    """After 50 ms it is as far from the middle as it is long: the first state kept after that."""
+def test_a_run_warns_of_a_journal_that_has_left_its_bearing():
+    """It leaves after 50 ms; the warning names the first saved state after that."""
     scene, state = sliding()
     with pytest.warns(cj.LeftBearingWarning) as caught:
         solution = cj.simulate(scene, state, 0.2, save=cj.Saving([0.02, 0.04, 0.06, 0.2]))
     assert solution.result == cj.RESULTS.successful
     (warning,) = caught
     message = str(warning.message)
-    words = "'pin'", "t = 0.06 s it is 0.004 m beyond", "EndPlay(...)", "LeftBearingWarning"
-    assert [word for word in words if word not in message] == [], message
+    parts = "'pin'", "t = 0.06 s it is 0.004 m beyond", "EndPlay(...)", "LeftBearingWarning"
+    assert [part for part in parts if part not in message] == [], message
     assert warning.filename == __file__
     with pytest.warns(cj.LeftBearingWarning, match=r"t = 0.2 s it is 0.06 m beyond"):
         warn_of_journals_outside(scene, solution.time, solution.final, [])
 
 
-def test_a_journal_in_its_bearing_is_not_warned_of():
+def test_a_journal_in_its_bearing_causes_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         cj.simulate(*sliding(), 0.04, save=cj.Saving(np.linspace(0.0, 0.04, 5)))
 
 
-@pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.Hertz(1e9))])
-def test_a_journal_that_is_held_does_not_leave(axial):
+@pytest.mark.parametrize("axial", [cj.FixedAxially(), cj.EndPlay(1e-3, cj.laws.Hertz(1e9))])
+def test_a_journal_that_cannot_slide_does_not_leave(axial):
     joint = rocker(axial=axial).joints["pin"]
     assert joint.slid_out({}) is None
 
 
 def test_lanes_of_other_lengths_and_points_have_their_own_ends():
-    """The rod's end at z = -0.04, less what the lane moves the bearing by, in journals of 20 mm."""
+    """The rod's end is at z = -0.04 m, relative to the bearing of each lane; journals of 20 mm."""
     scene, state = sliding()
     axes = {"point": cj.Axis(lambda s: s.joints["pin"].bearing_point[2], [0.0, -0.03])}
     lanes = lanes_of(scene, state, axes, {"point": axes["point"].values})
@@ -175,8 +175,8 @@ def test_lanes_of_other_lengths_and_points_have_their_own_ends():
 
 
 @pytest.mark.slow
-def test_a_sweep_tells_in_how_many_lanes_a_journal_has_left_its_bearing():
-    """In 0.1 s it slides 40 mm: beyond journals of 20 and 30 mm, and not of 50."""
+def test_a_sweep_warns_with_the_number_of_lanes_whose_journal_has_left_its_bearing():
+    """In 0.1 s it slides 40 mm: past the end for journals of 20 and 30 mm, not of 50 mm."""
     lengths = cj.Axis(lambda s: s.joints["pin"].journal_length, [0.02, 0.03, 0.05])
     with pytest.warns(cj.LeftBearingWarning, match=r"In 2 of 3 lanes .*'pin'.* up to 0.02 m"):
         cj.sweep(*sliding(), 0.1, axes={"length": lengths}, outputs={})

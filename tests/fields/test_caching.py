@@ -1,4 +1,4 @@
-"""Checks that are carried out once for the same numbers."""
+"""Results that are cached by numbers."""
 
 import jax
 import numpy as np
@@ -10,7 +10,7 @@ from clearjoint.fields.caching import KEPT, cached_by_numbers
 
 @pytest.fixture
 def counted():
-    """A function with the list of what it was called with."""
+    """A cached function, and the list of its calls."""
     calls: list[object] = []
 
     @cached_by_numbers
@@ -23,11 +23,11 @@ def counted():
     return function, calls
 
 
-def test_same_numbers_are_looked_at_once_and_others_anew(counted):
+def test_results_are_cached_by_numbers(counted):
     function, calls = counted
     body = cj.Body(1.0, (1.0, 1.0, 1.0))
     assert function(body) == function(cj.Body(1.0, (1.0, 1.0, 1.0))) == 1
-    assert function(cj.put(body, lambda b: b.mass, 2.0)) == 2
+    assert function(cj.set_value(body, lambda b: b.mass, 2.0)) == 2
     assert function({"body": body}) == 3
     numbers = np.ones(3)
     assert function(numbers) == 4
@@ -36,7 +36,7 @@ def test_same_numbers_are_looked_at_once_and_others_anew(counted):
     assert len(calls) == 5
 
 
-def test_errors_are_raised_each_time_and_traced_numbers_looked_at_each_time(counted):
+def test_errors_and_results_of_traced_numbers_are_not_cached(counted):
     function, calls = counted
     for _ in range(2):
         with pytest.raises(ValueError, match="negative"):
@@ -45,7 +45,7 @@ def test_errors_are_raised_each_time_and_traced_numbers_looked_at_each_time(coun
     assert len(calls) == 4
 
 
-def test_only_the_latest_are_kept(counted):
+def test_the_least_recently_used_results_are_removed(counted):
     function, calls = counted
     for number in range(KEPT + 1):
         function(float(number))

@@ -1,4 +1,4 @@
-"""Warnings of numbers far from what machines have: which, where, and how to silence them."""
+"""Warnings about unusual numbers: their text, line of code and silencing."""
 
 import functools
 import warnings
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import bricard, double_four_bar
 from clearjoint.fields.checks import recheck
+from clearjoint.mechanisms import bricard, double_four_bar
 from clearjoint.sweeps.axes import lanes_of
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ROD = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))
-pin = functools.partial(cj.ClearanceJoint, "ground", "rod", law=cj.Hertz(1e9))
+pin = functools.partial(cj.ClearanceJoint, "ground", "rod", law=cj.laws.Hertz(1e9))
 
 
 def scene_with(*, joint=None, force=None, **options):
@@ -23,16 +23,16 @@ def scene_with(*, joint=None, force=None, **options):
 
 
 MISTAKEN = {
-    "E in GPa": (lambda: cj.RavnStiffness(207, 0.3), "young_modulus", "207 Pa", "1e9 Pa"),
+    "E in GPa": (lambda: cj.laws.RavnStiffness(207, 0.3), "young_modulus", "207 Pa", "1e9 Pa"),
     "E of the journal in GPa": (
-        lambda: cj.RavnStiffness(207e9, 0.3, 207, 0.3),
+        lambda: cj.laws.RavnStiffness(207e9, 0.3, 207, 0.3),
         "journal_young_modulus",
         "207 Pa",
     ),
-    "E in mPa": (lambda: cj.RavnStiffness(207e12, 0.3), "young_modulus", "2.07e+14 Pa"),
-    "K in GN": (lambda: cj.Hertz(66.0), "stiffness", "66 N/m^n", "at least 1e+06"),
-    "K of a law of one's own": (
-        lambda: cj.LankaraniNikravesh(0.9, cj.GivenStiffness(66.0)),
+    "E in mPa": (lambda: cj.laws.RavnStiffness(207e12, 0.3), "young_modulus", "2.07e+14 Pa"),
+    "K in GN": (lambda: cj.laws.Hertz(66.0), "stiffness", "66 N/m^n", "at least 1e+06"),
+    "K of a user-defined law": (
+        lambda: cj.laws.LankaraniNikravesh(0.9, cj.laws.GivenStiffness(66.0)),
         "stiffness",
         "66 N/m^n",
     ),
@@ -98,7 +98,7 @@ MISTAKEN = {
 
 
 @pytest.mark.parametrize("case", MISTAKEN)
-def test_a_mistaken_unit_is_warned_of_where_it_is_written(case):
+def test_a_wrong_unit_gives_a_warning_at_its_line(case):
     make, *words = MISTAKEN[case]
     with pytest.warns(cj.UnusualValueWarning) as caught:
         make()
@@ -111,36 +111,41 @@ def test_a_mistaken_unit_is_warned_of_where_it_is_written(case):
     assert warning.filename == __file__
 
 
-def test_the_advice_silences_it():
+def test_the_advice_silences_the_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", category=cj.UnusualValueWarning)
-        cj.RavnStiffness(207, 0.3)
+        cj.laws.RavnStiffness(207, 0.3)
 
 
-def test_machines_are_not_warned_of():
-    """The package's, thin plates, light frames, plastic on diamond, a large bearing."""
+def test_usual_numbers_give_no_warning():
+    """Mechanisms of the package, thin plates, light frames, plastic on diamond, a large bearing."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for make in (cj.double_pendulum, cj.slider_crank, double_four_bar, bricard):
+        for make in (
+            cj.mechanisms.double_pendulum,
+            cj.mechanisms.slider_crank,
+            double_four_bar,
+            bricard,
+        ):
             make()
         for mass, inertia in ((2.0, (1.0, 1.0, 2.0)), (1.0, (1.0, 1.0, 1.0)), (7e-3, (1e-7,) * 3)):
             cj.Body(mass, inertia)
-        cj.RavnStiffness(2e9, 0.4, 1e12, 0.1)
+        cj.laws.RavnStiffness(2e9, 0.4, 1e12, 0.1)
         pin(bearing_radius=0.5, clearance=1e-3, journal_length=1.0)
 
 
-def test_numbers_that_are_looked_at_again_or_traced_are_not_warned_of():
-    """Neither the checks of a run, nor a sweep's lanes, nor what JAX traces."""
+def test_repeated_checks_and_traced_numbers_give_no_warning():
+    """Neither the checks of a run, nor lanes of a sweep, nor traced numbers."""
     with pytest.warns(cj.UnusualValueWarning):
-        soft = cj.RavnStiffness(207, 0.3)
-    scene, state = cj.double_pendulum(law=cj.Hertz(soft))
+        soft = cj.laws.RavnStiffness(207, 0.3)
+    scene, state = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(soft))
     change = cj.Axis.change(lambda scene, state, m: (_with_mass(scene, m), state), [7e3, 8e3])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         recheck(scene)
         lanes = lanes_of(scene, state, {"mass": change}, {"mass": np.array([7e3, 8e3])})
-        jax.jit(lambda modulus: cj.RavnStiffness(modulus, 0.3).young_modulus)(207.0)
+        jax.jit(lambda modulus: cj.laws.RavnStiffness(modulus, 0.3).young_modulus)(207.0)
         jax.vmap(lambda mass: cj.Body(mass, (1.0, 1.0, 1.0)).mass)(np.array([1e9, 1e10]))
     assert not lanes.bad
 

@@ -1,4 +1,4 @@
-"""A number that a run refuses where it is known is refused as well where JAX traces it."""
+"""Traced numbers are refused like known ones."""
 
 from typing import Any
 
@@ -9,15 +9,15 @@ import pytest
 import clearjoint as cj
 from clearjoint.fields.cautions import quiet
 from clearjoint.fields.checks import conditions_of, recheck
-from clearjoint.simulation.run_checks import check_numbers
+from clearjoint.simulation.run.run_checks import check_numbers
 from tests.scene_files.test_round_trips import BODIES, ELEMENTS, STATE, example
 
 VALUES = (np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1e6)
-"""What each number of each element is replaced by."""
+"""Values that replace each number of each element."""
 
 
 def variants(tree: Any) -> tuple[list[Any], list[tuple[str, float]]]:
-    """The tree with one of its numbers replaced by one of the values, and which by which."""
+    """Yield the tree with one number replaced by one of the values, and a name of the variant."""
     leaves, structure = jax.tree.flatten(tree)
     trees, labels = [], []
     for k, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
@@ -54,7 +54,7 @@ def everything() -> dict[str, tuple[list[Any], list[tuple[str, float]]]]:
 
 @pytest.fixture(scope="module")
 def admissible(everything) -> dict[str, np.ndarray]:
-    """Of each variant, whether the conditions hold that traced numbers meet."""
+    """Return for each variant whether the conditions on traced numbers hold."""
     stacked = {
         name: jax.tree.map(lambda *leaves: np.stack([np.asarray(x, float) for x in leaves]), *trees)
         for name, (trees, _) in everything.items()
@@ -68,7 +68,7 @@ def admissible(everything) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", [*ELEMENTS, "Scene and State"])
-def test_traced_numbers_are_refused_as_known_ones_are(name, everything, admissible):
+def test_traced_numbers_are_refused_like_known_ones(name, everything, admissible):
     if name not in everything:
         pytest.skip("has no numbers")
     trees, labels = everything[name]

@@ -1,4 +1,4 @@
-"""What fields declare is checked at construction, and again, by one message."""
+"""Declarations of fields are checked at construction and by `recheck`."""
 
 from typing import Any
 
@@ -34,20 +34,20 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_a_field_declares_is_checked(case):
+def test_declarations_are_checked(case):
     values, message = WRONG[case]
     with pytest.raises(ValueError, match=message):
         Part(**({"mass": 1.0} | values))
 
 
-def test_unusual_numbers_are_warned_of():
+def test_unusual_numbers_give_a_warning():
     with pytest.warns(
         cj.UnusualValueWarning, match="`length` is 20 m, where at most 10 m is usual"
     ):
         Part(1.0, length=20.0)
 
 
-def test_it_is_checked_again_and_not_while_traced():
+def test_declarations_are_checked_again_but_not_for_traced_numbers():
     part = jax.tree.map(lambda leaf: -leaf, Part(1.0))
     with pytest.raises(ValueError, match="`mass` must be positive"):
         recheck(part)

@@ -1,4 +1,4 @@
-"""What a user prints reads like what was given."""
+"""Elements print their numbers as they were given."""
 
 import importlib
 import inspect
@@ -13,12 +13,13 @@ import pytest
 import clearjoint as cj
 from clearjoint import extend
 from clearjoint.fields.checks import as_shown
-from clearjoint.results import RESULTS
+from clearjoint.result_codes import RESULTS
 from tests.support.public_names import MODULES
+from tests.support.rooms import DOORS
 
 
 def test_a_scene_shows_its_numbers():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     text = repr(scene)
     for part in ("mass=7.02", "inertia=[0.001, 0.5855, 0.5855]", "clearance=0.0005", "gravity="):
         assert part in text
@@ -30,8 +31,8 @@ def test_a_scene_shows_its_numbers():
     ("element", "text"),
     [
         (cj.Body(1.5, (1, 2, 3)), "Body(mass=1.5, inertia=[1.0, 2.0, 3.0])"),
-        (cj.Hertz(1e8), "Hertz(stiffness=GivenStiffness(stiffness=100000000.0))"),
-        (cj.RegularisedCoulomb(0.1), "RegularisedCoulomb(coefficient=0.1"),
+        (cj.laws.Hertz(1e8), "Hertz(stiffness=GivenStiffness(stiffness=100000000.0))"),
+        (cj.frictions.RegularisedCoulomb(0.1), "RegularisedCoulomb(coefficient=0.1"),
         (cj.Baumgarte(3.0, 4.0), "Baumgarte(alpha=3.0, beta=4.0)"),
         (cj.SphericalJoint("a", "b", (0, 1, 2), (3, 4, 5)), "point_first=[0.0, 1.0, 2.0]"),
         (cj.Body(jnp.asarray(2.0), np.eye(3)), "mass=2.0"),
@@ -41,15 +42,15 @@ def test_elements_show_their_numbers(element, text):
     assert text in repr(element).replace("\n  ", " ")
 
 
-def test_long_arrays_and_traced_numbers_show_their_kind():
-    long = cj.Trajectory(np.zeros(1000), cj.State({"arm": cj.body_state((0, 0, 0))}))
+def test_long_arrays_and_traced_numbers_print_dtype_and_shape():
+    long = cj.results.Trajectory(np.zeros(1000), cj.State({"arm": cj.body_state((0, 0, 0))}))
     assert "times=f64[1000](numpy)" in repr(long)
     seen = []
     jax.jit(lambda mass: seen.append(repr(cj.Body(mass, (1, 1, 1)))))(1.0)
     assert seen[0].startswith("Body(mass=") and "inertia=[1.0, 1.0, 1.0]" in seen[0]
 
 
-def test_every_result_says_something():
+def test_every_result_prints_text():
     for code in RESULTS._name_to_item.values():
         assert RESULTS[code] != ""
         assert RESULTS[code] in str(code)
@@ -70,31 +71,34 @@ def test_a_solution_prints_in_a_few_lines():
     assert repr(solution) == str(solution)
 
 
-def test_roundings_are_not_echoed():
-    """A logarithm's conversion and back, in an error, an element and a list."""
+def test_rounding_errors_are_not_printed():
+    """After a logarithm and its inverse, in an error, an element and a list."""
     rounded = float(np.exp(np.log(5e-6)))
     assert rounded != 5e-6
     with pytest.raises(ValueError, match=r"but is 5e-06: give it in m\."):
         extend.require(False, "clearance", rounded, "larger", "give it in m")
-    assert repr(cj.Hertz(rounded * 1e12)) == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
+    assert (
+        repr(cj.laws.Hertz(rounded * 1e12))
+        == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
+    )
     assert as_shown([rounded, 1 / 3, -0.0, np.nan, "a", 3]) == [5e-6, 1 / 3, 0.0, ANY, "a", 3]
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_public_modules_list_no_modules_of_theirs_and_no_types_of_numpy_s(module):
+def test_public_modules_list_neither_modules_nor_types_of_numpy(module):
     namespace = importlib.import_module(module)
     listed = {name: getattr(namespace, name) for name in dir(namespace)}
     modules = {name for name, value in listed.items() if isinstance(value, types.ModuleType)}
-    assert modules <= {"densities", "extend", "plot", "presets", "quantities", "testing", "style"}
+    assert modules <= {*DOORS, "densities", "plot", "quantities", "testing", "style"}
     callables = [value for value in listed.values() if inspect.isroutine(value)]
     assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
 
 
-def test_a_list_may_hold_a_number_that_jax_traces():
+def test_a_list_may_contain_a_traced_number():
     def torque(switch):
         return cj.PiecewiseConstant([0.0, switch], [1.0, 2.0 * switch])(0.3)
 
     value, slope = jax.jvp(torque, (0.2,), (1.0,))
     assert (float(value), float(slope)) == pytest.approx((0.4, 2.0))
-    with pytest.raises(ValueError, match="`times` must be two times or more, in a row"):
+    with pytest.raises(ValueError, match="`times` must be a row of two or more times"):
         jax.jit(lambda x: cj.PiecewiseConstant([[0.0, x]] * 2, [1.0, 2.0]).times)(1.0)

@@ -1,5 +1,5 @@
-"""Names that are wrong, numbers that are none, and containers of the wrong kind: each is told with
-the argument's name, before anything is compiled."""
+"""Errors for wrong names, values that are no numbers and wrong containers: each names the argument
+and is raised before compilation."""
 
 import math
 
@@ -8,12 +8,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.simulation.sections import Section
-from clearjoint.simulation.spans import checked_times
+from clearjoint.simulation.run.sections import Section
+from clearjoint.simulation.step.spans import checked_times
 from clearjoint.sweeps.layout import Layout, Variable
 from clearjoint.sweeps.outputs import Saved
 
-SCENE, STATE = cj.double_pendulum()
+SCENE, STATE = cj.mechanisms.double_pendulum()
 PLACE = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [4e-4, 5e-4])
 CLEARANCE = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
 HEIGHT = q.Position("arm 2", "y")
@@ -55,7 +55,7 @@ def lost_series():
 
 
 def horizon(**options):
-    cj.horizon(
+    cj.fit_horizon(
         SCENE,
         STATE,
         {"clearance": CLEARANCE},
@@ -112,7 +112,7 @@ WRONG = {
         lambda: sensitivities([CLEARANCE]),
         "`parameters` must be a dictionary",
     ),
-    "a place as parameter": (
+    "a function as parameter": (
         lambda: identify(parameters={"c": lambda scene: scene.gravity}),
         r"`parameters\['c'\]` must be a Parameter, but is 'function'",
     ),
@@ -202,13 +202,13 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_it_is_told(case):
+def test_the_error_names_the_argument(case):
     call, message = WRONG[case]
     with pytest.raises(ValueError, match=message):
         call()
 
 
-def test_mappings_serve_as_dictionaries():
+def test_mappings_are_accepted_as_dictionaries():
     bodies = {"a": BODY}
     scene = cj.Scene(bodies)
     bodies[""] = BODY

@@ -84,7 +84,7 @@ def test_a_delay_belongs_to_measured_series():
     delay = {"delay": cj.Parameter.delay("probe")}
     with pytest.raises(ValueError, match=r"`series` must be names of series, but is \(\)"):
         cj.Parameter.delay()
-    with pytest.raises(ValueError, match="A delay .of series 'probe'. is no number of a scene"):
+    with pytest.raises(ValueError, match="A delay .of series 'probe'. is not a number of a scene"):
         cj.sensitivities(SCENE, STATE, 1.0, delay, {"x": X}, [0.5])
     with pytest.raises(ValueError, match=r"`parameters\['delay'\]` must be a delay of measured"):
         experiment(SCENE, STATE, delay, {"x": X}, TIMES, 0.0, None)

@@ -12,7 +12,7 @@ from scipy import stats
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
-from clearjoint.identification.identify import _warn_of_poor
+from clearjoint.identification.identify import _warn
 from clearjoint.identification.levenberg_marquardt import Iteration
 from clearjoint.identification.residuals import RunMisfit
 from clearjoint.identification.searches import Search, WindowSearch
@@ -22,17 +22,19 @@ COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)
 
 
-def place(scene):
+def path(scene):
     return scene.gravity[0]
 
 
-PLAIN = {"offset": cj.Parameter(place, unit="m"), "slope": cj.Parameter(place, unit="m/s")}
+PLAIN = {"offset": cj.Parameter(path, unit="m"), "slope": cj.Parameter(path, unit="m/s")}
 
 
 DELAY = {"delay": cj.Parameter.delay("laser")}
 
 
-def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.Ending.CONVERGED):
+def line(
+    noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.results.Ending.CONVERGED
+):
     """A fit of offset + slope * t to data of which the noise is 0.1; no run, but the algebra."""
     at, columns = np.array(at), np.column_stack([np.ones(COUNT), TIMES])
     predicted = columns @ at
@@ -52,8 +54,8 @@ def line(noise=NOISE, parameters=PLAIN, at=(1.0, 2.0), jacobian=None, ending=cj.
     iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
     search = Search(at, (WindowSearch(2.0, (iteration,), ending),), best)
     units = {n: getattr(p.variation, "unit", "s") for n, p in parameters.items()}
-    scene, state = cj.double_pendulum()
-    return cj.Fit(scene, state, parameters, units, measurements, (search,), search)
+    scene, state = cj.mechanisms.double_pendulum()
+    return cj.results.Fit(scene, state, parameters, units, measurements, (search,), search)
 
 
 def test_errors_of_a_straight_line():
@@ -68,14 +70,14 @@ def test_errors_of_a_straight_line():
     )
     low, high = fit.intervals["slope"]
     assert (low, high) == pytest.approx(2.0 + 1.959964 * math.sqrt(slope) * np.array([-1, 1]))
-    assert fit.freedom == COUNT - 2 and fit.estimates == {"offset": 1.0, "slope": 2.0}
+    assert fit.degrees_of_freedom == COUNT - 2 and fit.estimates == {"offset": 1.0, "slope": 2.0}
     assert fit.warnings == []
 
 
 def test_scales_carry_errors_to_values():
     scaled = {
-        "offset": cj.Parameter(place, cj.Log(), unit="m"),
-        "slope": cj.Parameter(place, cj.Bounded(0.0, 1.0), unit="m/s"),
+        "offset": cj.Parameter(path, cj.Log(), unit="m"),
+        "slope": cj.Parameter(path, cj.Bounded(0.0, 1.0), unit="m/s"),
     }
     fit, plain = line(parameters=scaled, at=(1.0, 4.0)), line(at=(1.0, 4.0))
     value = 1.0 / (1.0 + math.exp(-4.0))
@@ -89,7 +91,10 @@ def test_scales_carry_errors_to_values():
 
 @pytest.mark.parametrize(
     ("stated", "message"),
-    [(0.5 * NOISE, "2 times the stated noise: the noise is under"), (2 * NOISE, "it is overst")],
+    [
+        (0.5 * NOISE, "2 times the stated noise: the noise is under"),
+        (2 * NOISE, "the noise is overst"),
+    ],
 )
 def test_mis_stated_noise(stated, message):
     fit = line(noise=stated)
@@ -100,12 +105,12 @@ def test_mis_stated_noise(stated, message):
 
 
 def test_warnings_of_bounds_blindness_and_no_convergence():
-    bounded = {**PLAIN, "slope": cj.Parameter(place, cj.Bounded(0.0, 0.5), unit="m/s")}
+    bounded = {**PLAIN, "slope": cj.Parameter(path, cj.Bounded(0.0, 0.5), unit="m/s")}
     assert "slope is at its bound 0.5." in line(parameters=bounded, at=(1.0, 9.0)).warnings
     twins = np.column_stack([np.ones(COUNT), -0.5 * np.ones(COUNT) + 1e-6 * TIMES])
     (warning,) = line(jacobian=twins).warnings
-    assert "hardly see the combination +0.5 offset +1 slope" in warning
-    stalled = line(ending=cj.Ending.STALLED)
+    assert "hardly determine the combination +0.5 offset +1 slope" in warning
+    stalled = line(ending=cj.results.Ending.STALLED)
     assert stalled.warnings[0].startswith("Not converged: no step improves the fit")
 
 
@@ -126,7 +131,7 @@ def with_minima(*moves):
     return dataclasses.replace(fit, searches=(fit.best, *found)), fit
 
 
-def test_minima_that_the_data_allow_widen_intervals_and_are_told():
+def test_minima_that_the_data_allow_widen_intervals_and_are_reported():
     """Closed form: where chi squared of either is at most 1.959964^2 above the best."""
     both, fit = with_minima(([0.0, 0.1], 1.5), ([0.0, 0.11], 1.6), ([0.2, 0.0], 9.0))
     deviation = fit.standard_errors["slope"]
@@ -169,7 +174,7 @@ def test_covariance_is_the_inverse_of_the_information():
 
 
 def test_whiteness_and_normality_have_the_probabilities_they_claim():
-    """Of white normal noise a twentieth is refused at 5 %; what is neither, always."""
+    """The tests reject 5 % of white normal noise, and always other noise."""
     generator = np.random.default_rng(1)
     draws = generator.standard_normal((800, 200))
     for test in (statistics.whiteness, statistics.normality):
@@ -218,7 +223,7 @@ def test_a_fit_is_a_table_by_parameter(tmp_path):
         np.testing.assert_array_equal(read["estimate"], frame["estimate"])
 
 
-def with_data(change, count=1, ending=cj.Ending.CONVERGED, parameters=PLAIN, **options):
+def with_data(change, count=1, ending=cj.results.Ending.CONVERGED, parameters=PLAIN, **options):
     """The straight line's fit, to data that are changed, of so many searches."""
     fit = line(parameters=parameters, ending=ending)
     laser = fit.measurements["laser"]
@@ -236,31 +241,31 @@ def with_data(change, count=1, ending=cj.Ending.CONVERGED, parameters=PLAIN, **o
 
 
 def test_a_fine_fit_needs_no_advice():
-    assert line().advice == [] and "What to try" not in str(line())
+    assert line().advice == [] and "Remedies" not in str(line())
 
 
-def test_a_run_that_leaves_the_data_is_told_where_to_grow_from():
+def test_advice_to_grow_windows_where_the_run_deviates():
     fit = with_data(lambda data: data + np.where(TIMES > 1.0, 5.0 * np.sin(9.0 * TIMES), 0.0))
     window = next(sentence for sentence in fit.advice if "grow=" in sentence)
     until = float(window.split("up to ")[1].split(" s")[0])
     assert 0.8 < until <= 1.05
     order = [
         next(k for k, s in enumerate(fit.advice) if word in s)
-        for word in ("grow=", "cj.horizon", "cj.Starts", "Parameter.initial")
+        for word in ("grow=", "cj.fit_horizon", "cj.Starts", "Parameter.initial")
     ]
     assert order == sorted(order)
     assert f"1. {fit.advice[0]}" in str(fit)
 
 
-def test_a_run_that_is_off_from_the_start_is_told_to_doubt_the_scene():
+def test_advice_to_check_the_scene_where_the_first_samples_deviate():
     fit = with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
-    assert any("off from the first samples" in sentence for sentence in fit.advice)
+    assert any("from the first samples on" in sentence for sentence in fit.advice)
 
 
 def test_white_residuals_are_noise():
     generator = np.random.default_rng(0)
     fit = with_data(lambda data: data + 4.0 * NOISE * generator.standard_normal(COUNT))
-    assert "white: state 3.88" in fit.advice[0]
+    assert "a noise 3.88 times" in fit.advice[0]
 
 
 def test_outliers_and_shifts_in_time_are_seen():
@@ -269,7 +274,7 @@ def test_outliers_and_shifts_in_time_are_seen():
         return data
 
     (outliers,) = [sentence for sentence in with_data(spoilt).advice if "outliers" in sentence]
-    assert outliers.startswith("4 of 200 samples make 9")
+    assert outliers.startswith("4 of 200 samples contribute 9")
     assert f"{TIMES[20]:.6g} s" in outliers or f"{TIMES[90]:.6g} s" in outliers
     late = with_data(lambda data: data - 2.0 * 0.3).advice
     assert any("0.298 s late" in sentence and "97%" in sentence for sentence in late)
@@ -289,14 +294,14 @@ def test_what_was_tried_already_is_not_advised():
     free = {"offset": cj.Parameter.initial(lambda state: state.bodies["arm 2"].spin[2])}
     fit = with_data(off, parameters=PLAIN | free)
     assert not any("Parameter.initial" in sentence for sentence in fit.advice)
-    ended = with_data(off, ending=cj.Ending.EXHAUSTED).advice
+    ended = with_data(off, ending=cj.results.Ending.EXHAUSTED).advice
     assert any("max_iterations" in sentence for sentence in ended)
 
 
 def test_a_poor_fit_is_warned_of_once():
     fine, poor = line(), with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
-    with pytest.warns(cj.PoorFitWarning, match="2 of 3 fits end so") as caught:
-        _warn_of_poor([fine, poor, poor])
+    with pytest.warns(cj.PoorFitWarning, match="2 of 3 fits are") as caught:
+        _warn([fine, poor, poor])
     assert len(caught) == 1 and "1. " in str(caught[0].message)
     with warnings.catch_warnings(action="error"):
-        _warn_of_poor([fine])
+        _warn([fine])

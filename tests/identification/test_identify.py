@@ -28,7 +28,7 @@ from clearjoint.parametrisation.parameter import coordinates_of
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
 PROBES = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
-SCENE, STATE = cj.double_pendulum()
+SCENE, STATE = cj.mechanisms.double_pendulum()
 PARAMETERS = {
     "young": cj.Parameter(lambda s: s.joints["shoulder"].law.stiffness.young_modulus, cj.Log()),
     "restitution": cj.Parameter(lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0, 1)),
@@ -82,7 +82,7 @@ def fitted(measurements, **options):
 
 def test_data_without_noise_give_the_parameters_back(clean):
     fit = fitted(clean, guess=CLOSE, tolerance=1e-6)
-    assert fit.ending is cj.Ending.CONVERGED
+    assert fit.ending is cj.results.Ending.CONVERGED
     for name, value in TRUTH.items():
         assert fit.estimates[name] == pytest.approx(value, rel=1e-5 if name == "young" else 1e-6)
     assert fit.chi_squared < 1e-4
@@ -96,7 +96,7 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
         values = [p.scale.value(u) for p, u in zip(PARAMETERS.values(), coordinates, strict=True)]
         scene = SCENE
         for parameter, value in zip(PARAMETERS.values(), values, strict=True):
-            scene = cj.put(scene, parameter.variation.place, float(value))
+            scene = cj.set_value(scene, parameter.variation.path, float(value))
         saved = cj.simulate(scene, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
         return ((journal(saved.states) - base) / NOISE).ravel()
 
@@ -150,7 +150,7 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     failing = fitted(
         draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
     )
-    assert failing.ending is cj.Ending.FAILED
+    assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
 
 
@@ -170,12 +170,12 @@ def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
 
 def test_fit_in_labels_and_units(fit, draws):
     assert fit.units == {"young": "Pa", "restitution": "1", "clearance": "m"}
-    assert fit.samples == 120 and fit.freedom == 117
+    assert fit.samples == 120 and fit.degrees_of_freedom == 117
     assert fit.chi_squared == pytest.approx(
         sum(np.sum(row**2) for row in fit.residuals.values()), rel=1e-9
     )
     (warning,) = fit.warnings
-    assert warning.startswith("The data hardly see the combination +1 young +0.00")
+    assert warning.startswith("The data hardly determine the combination +1 young +0.00")
     assert 0.001 < fit.p_value < 0.999
     assert cj.parameters(fit.scene)["joints['shoulder'].clearance"][0] == pytest.approx(
         fit.estimates["clearance"]
@@ -187,9 +187,9 @@ def test_fit_in_labels_and_units(fit, draws):
 
 
 def test_starts_and_windows(fit, draws):
-    told = []
+    reported = []
     starts = cj.Starts(2, {"clearance": 0.02, "young": 0.2}, seed=1)
-    options = {"grow": (0.02,), "starts": starts, "progress": told.append}
+    options = {"grow": (0.02,), "starts": starts, "progress": reported.append}
     found = fitted(draws[0], guess=[CLOSE, TRUTH], **options)
     assert len(found.searches) == 3
     rows = np.array([search.start for search in found.searches])
@@ -197,25 +197,25 @@ def test_starts_and_windows(fit, draws):
     np.testing.assert_array_less(np.abs(rows[2] - rows[0]), [0.2, 1e-12, 0.02])
     assert rows[2, 0] != rows[0, 0]
     assert [window.end_time for window in found.best.windows] == [0.02, END]
-    assert len(told) == sum(search.evaluations for search in found.searches)
+    assert len(reported) == sum(search.evaluations for search in found.searches)
     assert found.chi_squared == min(search.best.chi_squared for search in found.searches)
     assert found.chi_squared == pytest.approx(fit.chi_squared, abs=1e-3)
 
 
-def test_windows_hold_to_where_they_began(problem):
-    """As one more measurement of each coordinate, with the stride for noise."""
+def test_windows_have_a_prior_at_their_start(problem):
+    """The prior is one more measurement of each coordinate, with `max_step` as noise."""
     runs, data, at = problem
-    centre, strides = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
+    centre, deviations = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
     plain = run_misfit(runs, data, END, at)
-    held = _with_prior(partial(run_misfit, runs, data, END), centre, strides, at)
-    np.testing.assert_allclose(held.residuals[-3:], [-0.5, 0.5, 0.0])
-    np.testing.assert_array_equal(held.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
-    np.testing.assert_array_equal(held.residuals[:-3], plain.residuals)
+    with_prior = _with_prior(partial(run_misfit, runs, data, END), centre, deviations, at)
+    np.testing.assert_allclose(with_prior.residuals[-3:], [-0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(with_prior.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
+    np.testing.assert_array_equal(with_prior.residuals[:-3], plain.residuals)
 
 
 def test_minimum_of_an_objective(clean):
     """The median-like sum of magnitudes, which no least squares gives, falls towards the truth."""
-    scene = cj.put(SCENE, PARAMETERS["clearance"].variation.place, 0.505e-3)
+    scene = cj.set_value(SCENE, PARAMETERS["clearance"].variation.path, 0.505e-3)
     data = {name: clean[name].values for name in PROBES}
 
     def objective(found):
@@ -224,7 +224,7 @@ def test_minimum_of_an_objective(clean):
     found = cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=12)
     assert found.result == cj.RESULTS.successful and found.history.shape == (12,)
     assert found.objective == found.history.min() < 0.5 * found.history[0]
-    with pytest.raises(ValueError, match="`parameters` must be such that the first run works"):
+    with pytest.raises(ValueError, match="`parameters` must be parameters for which the first run"):
         few = replace(cj.presets.derivatives, max_steps=3)
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, settings=few)
     with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
@@ -256,19 +256,22 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"guess": {"mass": 1.0}}, r"`guess` must be of parameters .* but is \['mass'\]: name .*y"),
+        (
+            {"guess": {"mass": 1.0}},
+            r"`guess` must be values of estimated parameters, but is \['mass'\]: name .*y",
+        ),
         ({"guess": []}, r"`guess` must be at least one start, but is \[\]: leave it out"),
         ({"guess": {"restitution": 1.2}}, "Parameter 'restitution': Argument `value` .* 0 and 1"),
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
         ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
-        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the last"),
+        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the time"),
         (
             {"max_iterations": 0},
             "`max_iterations` must be a whole number, positive, but is 0: allow one run",
         ),
         ({"check_runs": 10}, "`check_runs` must be 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
-        ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be of parameters .*\['mass'\]"),
+        ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be values of .*\['mass'\]"),
     ],
 )
 def test_options_that_no_fit_can_use(options, message, clean):
@@ -284,7 +287,9 @@ def test_arguments_that_no_fit_can_use(clean):
     with pytest.raises(ValueError, match="`measurements` must be not empty, but is 0"):
         cj.identify_many(SCENE, STATE, [], PARAMETERS)
     other = cj.Measurements({"x": clean["x"]})
-    with pytest.raises(ValueError, match=r"`measurements\[1\]` must be of the channels and times"):
+    with pytest.raises(
+        ValueError, match=r"`measurements\[1\]` must be measurements of the same channels and times"
+    ):
         cj.identify_many(SCENE, STATE, [clean, other], PARAMETERS)
     elbow = cj.Series(cj.quantities.JournalOffset("elbow", "x"), TIMES, TIMES, NOISE)
     with pytest.raises(ValueError, match="Series 'probe': .*elbow"):

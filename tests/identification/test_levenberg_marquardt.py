@@ -35,12 +35,12 @@ def noisy():
     return clean + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
 
 
-def run(evaluate, start, strides=FREE, tolerance=1e-6, limit=100):
-    told = []
+def run(evaluate, start, step_limits=FREE, tolerance=1e-6, limit=100):
+    reported = []
     found = search_with_damping(
-        evaluate, np.array(start, float), strides, tolerance, limit, told.append
+        evaluate, np.array(start, float), step_limits, tolerance, limit, reported.append
     )
-    assert tuple(told) == found[1]
+    assert tuple(reported) == found[1]
     return found
 
 
@@ -48,7 +48,7 @@ def test_same_minimum_as_scipy():
     data, start = noisy(), np.log([0.3, 6.0])
     best, iterations, ending = run(lambda at: decay(at, data), start)
     other = least_squares(lambda at: decay(at, data).residuals, start, xtol=1e-14, ftol=1e-14)
-    assert ending is cj.Ending.CONVERGED and len(iterations) < 20
+    assert ending is cj.results.Ending.CONVERGED and len(iterations) < 20
     np.testing.assert_allclose(best.coordinates, other.x, atol=1e-7)
     assert min(i.chi_squared for i in iterations) == best.residuals @ best.residuals
 
@@ -78,7 +78,7 @@ def test_what_fails_is_turned_back_from():
     start = np.log([0.05, 6.0])
     best, iterations, ending = run(fragile, start)
     assert any(i.chi_squared > 1e12 and not i.accepted for i in iterations)
-    assert ending is cj.Ending.CONVERGED
+    assert ending is cj.results.Ending.CONVERGED
     np.testing.assert_allclose(np.exp(best.coordinates), [2.0, 1.5], rtol=0.05)
 
 
@@ -92,14 +92,17 @@ def test_no_step_exceeds_the_stride():
 
 def test_endings():
     data = noisy()
-    assert run(lambda at: decay(at, data), np.log([0.3, 6.0]), limit=2)[2] is cj.Ending.EXHAUSTED
+    assert (
+        run(lambda at: decay(at, data), np.log([0.3, 6.0]), limit=2)[2]
+        is cj.results.Ending.EXHAUSTED
+    )
 
     def lying(at):
         found = decay(at, data)
         return LinearisedMisfit(at, found.residuals, -found.jacobian)
 
     best, iterations, ending = run(lying, np.log([0.3, 6.0]))
-    assert ending is cj.Ending.STALLED
+    assert ending is cj.results.Ending.STALLED
     assert not any(i.accepted for i in iterations[1:])
     np.testing.assert_array_equal(best.coordinates, np.log([0.3, 6.0]))
 
@@ -112,7 +115,7 @@ def test_a_parameter_without_effect_stays_where_it_is():
         return LinearisedMisfit(at, found.residuals, found.jacobian * [1.0, 0.0])
 
     best, _, ending = run(one, [0.0, 7.0])
-    assert ending is cj.Ending.CONVERGED and best.coordinates[1] == 7.0
+    assert ending is cj.results.Ending.CONVERGED and best.coordinates[1] == 7.0
 
 
 def test_decrement_is_the_gauss_newton_step_in_standard_deviations():

@@ -11,7 +11,7 @@ from clearjoint.identification.likelihood import RISE, LocalMinimum
 
 NOWHERE = np.array([np.inf, np.inf])
 RIPPLE, WAVES = 1.6, 7.0
-"""Amplitude, in standard deviations, and wave number of what makes chi squared rough."""
+"""Amplitude, in standard deviations, and wave number of the ripples of chi squared."""
 GRID = np.linspace(-8.0, 8.0, 64001)
 
 

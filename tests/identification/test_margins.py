@@ -14,23 +14,23 @@ MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
 LARGEST = {"eccentricity": 0.5e-3, "force": 150.0}
 
 
-def row(places, margins):
+def row(coordinates, margins):
     margins = np.asarray(margins, float)
-    return LaneMargins(np.asarray(places, float), margins, margins, margins)
+    return LaneMargins(np.asarray(coordinates, float), margins, margins, margins)
 
 
 def searched(function, tolerance=1e-3, lanes=10, between=(1.0, 10.0)):
-    """What is found between two values on a linear scale, for margins that are a function; and what
-    was asked for."""
+    """Result between two values on a linear scale, for margins given by a function; and the rows
+    that were computed."""
     rows = []
 
-    def run(places):
-        rows.append(places)
-        return row(places, [function(place) for place in places])
+    def run(coordinates):
+        rows.append(coordinates)
+        return row(coordinates, [function(x) for x in coordinates])
 
     parameter = cj.Parameter(lambda scene: scene.gravity[0])
     search = _Search(SimpleNamespace(margins=run), lanes, tolerance, parameter)
-    return search.found(*between, "m"), rows
+    return search.run(*between, "m"), rows
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,8 @@ def test_rows_narrow_where_a_margin_jumps_and_where_it_passes_zero(function):
     assert len(rows) <= 5
 
 
-def test_the_first_value_that_fails_counts_and_it_is_said_that_later_ones_hold():
-    """A failure below the one that the first row sees."""
+def test_the_first_violation_counts_and_later_passes_are_reported():
+    """A violation below the first one of the first row."""
     found, _ = searched(lambda x: -1.0 if 4.2 < x < 4.6 or x > 5.5 else 1.0)
     assert found.value == pytest.approx(4.2, rel=1e-3) and not found.monotone
     first, last = found.alternating
@@ -81,17 +81,19 @@ def test_a_violation_that_no_lane_of_the_first_row_sees():
 def test_a_range_without_a_limit_and_one_beyond_it():
     found, _ = searched(lambda x: 1.0 / x)
     assert (found.value, found.met, found.interval) == (10.0, False, (10.0, 10.0))
-    assert "No limit is met up to 10 m" in str(found)
-    with pytest.raises(ValueError, match=r"`between\[0\]` must be a value that holds, but is 1.0"):
+    assert "No limit is reached up to 10 m" in str(found)
+    with pytest.raises(
+        ValueError, match=r"`between\[0\]` must be a value that satisfies the limits, but is 1.0"
+    ):
         searched(lambda x: -1.0)
 
 
-def test_runs_that_fail_do_not_hold():
+def test_failed_runs_are_violations():
     found, _ = searched(lambda x: 1.0 if x < 4.2 else -np.inf)
     assert found.value == pytest.approx(4.2, rel=1e-3)
 
 
-def test_quantiles_are_peaks_that_occurred_with_intervals_that_hold_what_they_say():
+def test_quantiles_are_order_statistics_with_intervals_of_the_stated_confidence():
     """Of 2000 sets of draws of a uniform peak, the interval has the quantile in 95 % and more."""
     drawn = np.random.default_rng(0).uniform(size=(2000, 40))
     margin, low, high = limit_margins(drawn, 1.0, 0.8)
@@ -107,7 +109,7 @@ def test_quantiles_are_peaks_that_occurred_with_intervals_that_hold_what_they_sa
 
 def test_rows_are_put_in_order():
     both = row([1.0, 3.0], [3.0, -1.0]).with_others(row([2.0, 3.0], [np.nan, 5.0]))
-    np.testing.assert_array_equal(both.places, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(both.coordinates, [1.0, 2.0, 3.0])
     assert both.margins[2] == -1.0 and both.gap() == (0, 1) and both.falls(0.0)
     assert not row([1.0, 2.0], [1.0, 1.1]).falls(0.05) and row([1.0, 2.0], [1.0, 1.1]).falls(0.2)
 
@@ -124,15 +126,15 @@ MISTAKEN = {
     ),
     "another joint": ({"quantity": ContactForce("elbow")}, "`joint` must be one of the scene's"),
     "a quantile": ({"quantile": 95.0}, r"`quantile` must be in \[0.0, 1.0\]"),
-    "two lanes": ({"lanes": 2}, "`lanes` must be three at least"),
+    "two lanes": ({"lanes": 2}, "`lanes` must be at least 3"),
     "a tolerance": ({"tolerance": 0.0}, "`tolerance` must be positive"),
 }
 
 
 @pytest.mark.parametrize("case", MISTAKEN)
-def test_what_no_search_can_use_is_told(case):
+def test_unsupported_arguments_are_refused(case):
     changed, message = MISTAKEN[case]
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     usual = {
         "parameter": cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log()),
         "quantity": ContactForce("shoulder", "V"),
@@ -140,13 +142,13 @@ def test_what_no_search_can_use_is_told(case):
         "between": (1e-4, 1e-3),
     }
     with pytest.raises(ValueError, match=message):
-        cj.largest(scene, state, 0.01, **(usual | changed))
+        cj.largest_feasible(scene, state, 0.01, **(usual | changed))
 
 
 @pytest.fixture(scope="module")
 def drop():
     """A mass that falls in its bearing, without damping: scene and state."""
-    law = cj.Hertz(STIFFNESS)
+    law = cj.laws.Hertz(STIFFNESS)
     scene = cj.Scene(
         {"mass": cj.Body(MASS, (1e-2, 1e-2, 1e-2))},
         {
@@ -182,7 +184,7 @@ def test_largest_clearance_of_a_drop_is_the_closed_form(drop):
     eccentricity = allowed - (1.25 * MASS * GRAVITY * allowed / STIFFNESS) ** 0.4
     expected = {"eccentricity": eccentricity, "force": clearance_for(LARGEST["force"])}
     for names in (["eccentricity"], ["force"], list(LARGEST)):
-        found = cj.largest(
+        found = cj.largest_feasible(
             *drop,
             0.03,
             CLEARANCE,
@@ -201,7 +203,7 @@ def test_a_quantile_of_draws_is_that_of_their_closed_forms(drop):
     """Speeds at the start scatter; four of five must keep the force. Peaks count from the first
     impact on."""
     speeds = -np.linspace(0.0, 0.02, 10)
-    found = cj.largest(
+    found = cj.largest_feasible(
         *drop,
         0.03,
         CLEARANCE,

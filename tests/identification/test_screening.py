@@ -80,13 +80,13 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
     assert found.points.shape == (10, 1) and len(found.times) < 15
     assert found.runs >= 4 * 40 + (len(found.times) - 1) * (40 + 10)
     np.testing.assert_array_equal([s.start for s in screened.searches], found.starts)
-    assert "from screening by" in str(screened)
+    assert "starts from screening by" in str(screened)
 
 
-def test_a_screening_that_does_not_come_to_the_end_says_so(data):
+def test_an_incomplete_screening_is_reported(data):
     few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
-    (warning,) = [text for text in few.warnings if text.startswith("Screening came to")]
-    assert warning.endswith("s only: allow more rounds.")
+    (warning,) = [text for text in few.warnings if text.startswith("Screening reached only")]
+    assert warning.endswith(" s: increase its rounds.")
     (found,) = few.screened
     assert not found.complete and len(found.times) == 2
 
@@ -106,22 +106,22 @@ def test_what_noise_does_not_explain_is_screened_anew(data):
     [
         ({"number": 0}, "`number` must be a whole number, positive, but is 0"),
         ({"smoothing": 0}, "`smoothing` must be a whole number, positive, but is 0"),
-        ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass how far"),
+        ({"spread": -1.0}, "`spread` must be finite and positive, but is -1.0: pass the"),
         ({"spread": {"a": np.inf}}, "`spread` must be finite and positive, but is {'a': inf}"),
         ({"finish": 40}, "`keep` must be above 4, at least finish = 40, .*, but is 32"),
         ({"keep": 4}, "`keep` must be above 4"),
         ({"keep": 1000}, "at most 4 times number, but is 1000: keep about a fifth of number"),
     ],
 )
-def test_settings_that_no_screening_can_use(settings, message):
+def test_invalid_settings_of_a_screening_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         cj.Screening(**settings)
 
 
-def test_arguments_that_no_screening_can_use(data):
-    with pytest.raises(ValueError, match=r"`spread` must be of parameters .*\['mass'\]"):
+def test_invalid_arguments_of_a_screening_are_refused(data):
+    with pytest.raises(ValueError, match=r"`spread` must be values of estimated .*\['mass'\]"):
         fitted(data, starts=cj.Screening(spread={"mass": 1.0}))
-    with pytest.raises(ValueError, match="`guess` must be one guess, round which to screen, but"):
+    with pytest.raises(ValueError, match="`guess` must be one guess, for a screening, but"):
         cj.identify(
             SCENE, STATE, data, PARAMETERS, guess=[FAR, FAR], starts=cj.Screening(), progress=False
         )
@@ -142,7 +142,7 @@ def rough():
 def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
     """By chi squared in closed form on a fine grid: two minima, the lower one 8 standard errors
     from where a search from the truth ends."""
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors do not hold"):
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
         fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
     plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
     grid = np.geomspace(STIFFNESS / np.e**2, STIFFNESS * np.e**2, 40001)
@@ -150,19 +150,19 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
     assert fit.chi_squared == pytest.approx(curve.min(), abs=0.01)
     assert fit.estimates["stiffness"] == pytest.approx(grid[curve.argmin()], rel=1e-3)
     assert fit.chi_squared < plain.chi_squared and plain.check is None
-    held = grid[curve <= curve.min() + 3.84]
-    assert fit.intervals["stiffness"] == pytest.approx((held[0], held[-1]), rel=0.01)
+    allowed = grid[curve <= curve.min() + 3.84]
+    assert fit.intervals["stiffness"] == pytest.approx((allowed[0], allowed[-1]), rel=0.01)
     assert fit.check.minima == 2 and len(fit.rivals) == 1
     first, second = str(fit).split("\n\n")[:2]
     assert first.startswith("Fit of 200 samples") and second == fit.warnings[0]
     assert f"with 2 minima ({fit.check.runs} runs around the estimates" in second
 
 
-def test_a_covariance_that_holds_is_confirmed_by_few_runs(data):
+def test_a_valid_covariance_is_confirmed_by_few_runs(data):
     fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
     assert fit.check.passed and fit.check.exploration is None and fit.doubts == []
-    assert fit.check.runs == len(fit.check.test.found) == 14
-    np.testing.assert_allclose(fit.check.test.found, fit.check.test.predicted, rtol=0.3, atol=0.3)
+    assert fit.check.runs == len(fit.check.test.actual) == 14
+    np.testing.assert_allclose(fit.check.test.actual, fit.check.test.predicted, rtol=0.3, atol=0.3)
     assert "up to 4 standard errors away (14 runs around" in str(fit)
 
 
@@ -181,7 +181,7 @@ def test_an_interrupted_fit_has_the_best_run_so_far(data, last):
             SCENE, STATE, data, PARAMETERS, guess={"stiffness": 48.0}, grow=(2.0,), progress=stop
         )
     (fit,) = stopped.value.fits
-    assert fit.ending is cj.Ending.INTERRUPTED and fit.check is None
+    assert fit.ending is cj.results.Ending.INTERRUPTED and fit.check is None
     assert "Not converged: it was interrupted" in str(fit)
     assert any(np.array_equal(fit.coordinates, one.coordinates) for one in seen)
     residuals = (moved(fit.estimates["stiffness"]) - data["x"].values) / NOISE

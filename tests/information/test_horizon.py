@@ -10,7 +10,7 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.information import descent_paths as ways
 from clearjoint.information import error_growth as growth
-from clearjoint.information.horizon import PLACES
+from clearjoint.information.horizon import PATH_POINTS
 from clearjoint.quantities import JournalOffset
 from tests.support.dropped_rod import dropped_rod
 
@@ -22,10 +22,10 @@ def clearance(scene: cj.Scene):
 
 
 @pytest.fixture(scope="module")
-def found() -> cj.Horizon:
+def found() -> cj.results.FitHorizon:
     times = np.linspace(0.0, LAST, 401)[1:]
     probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
-    return cj.horizon(
+    return cj.fit_horizon(
         *dropped_rod(),
         {"clearance": cj.Parameter(clearance, cj.Log())},
         {"probe": cj.Sensor(probe, times, 5e-6)},
@@ -45,7 +45,7 @@ def _moved(state: cj.State, speed: float) -> cj.State:
     )
 
 
-def _points(solution: cj.Solution, local: np.ndarray) -> np.ndarray:
+def _points(solution: cj.results.Solution, local: np.ndarray) -> np.ndarray:
     """(T, N, 3) points (N, 3) of the rod over time."""
     saved = solution.saved.states.bodies["rod"]
     s, x, y, z = np.moveaxis(np.asarray(saved.orientation), -1, 0)
@@ -89,7 +89,7 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     journal = np.array([[-0.5, 0.0, -0.01]])
 
     def seen(logarithm: float) -> np.ndarray:
-        other = cj.put(scene, clearance, 5e-4 * np.exp(logarithm))
+        other = cj.set_value(scene, clearance, 5e-4 * np.exp(logarithm))
         run = cj.simulate(
             other, state, LAST, cj.Settings(rtol=1e-11), save=cj.Saving(found.times), progress=False
         )
@@ -98,7 +98,7 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     truth, step = seen(0.0), 1e-6
     for guess in found.guesses:
         closed = np.zeros(len(found.times), bool)
-        for share in np.linspace(0.0, 1.0, PLACES + 1)[1:]:
+        for share in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
             near = [
                 np.cumsum(((seen((share + s) * guess.offsets[0]) - truth) ** 2).sum(axis=1))
                 for s in (step, -step)
@@ -155,7 +155,7 @@ def test_a_short_run_is_within_all_horizons(found):
 
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
-    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*grow from 20 ms"):
         limited.warn_if_beyond(0.03)
 
@@ -171,15 +171,15 @@ def test_errors(found):
     probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
     parameters = {"clearance": cj.Parameter(clearance, cj.Log())}
     with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
-        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={})
+        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={})
     with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):
-        cj.horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
+        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
 
 
 @pytest.mark.slow
 def test_horizons_of_the_double_pendulum():
     """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
-    worst guess likewise (`studies/horizon`). Rounding alone tells runs apart from 0.15 s on (the
+    worst guess likewise (`studies/fits`). Rounding alone tells runs apart from 0.15 s on (the
     reference's README)."""
     from studies.identifiability.instruments import ACROSS, BASES, PARAMETERS
 
@@ -190,8 +190,8 @@ def test_horizons_of_the_double_pendulum():
             lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0.0, 1.0)
         )
     }
-    found = cj.horizon(
-        *cj.double_pendulum(),
+    found = cj.fit_horizon(
+        *cj.mechanisms.double_pendulum(),
         parameters,
         {"probe": cj.Sensor(probe, times, 5e-6)},
         uncertainty={"stiffness": np.log(5.0), "restitution": 1.8, "clearance": np.log(1.2)},
@@ -203,7 +203,7 @@ def test_horizons_of_the_double_pendulum():
 
 
 def test_figures_have_labels_and_mark_what_is_limited(found):
-    limited = cj.Horizon(**(vars(found) | {"numerical": 0.02}))
+    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     axes = plot.growth(limited)
     assert axes.get_ylabel() == "displacement, m"
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [

@@ -1,4 +1,4 @@
-"""Interpolation along a step: what its polynomials reproduce, roots and peaks with closed forms."""
+"""Interpolation in a step, against polynomials and closed forms of roots and maxima."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,8 +67,8 @@ def test_parabolas_and_their_vertices():
 
 
 @pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
-def test_the_highest_value_of_a_lopsided_hill_is_found_wherever_it_is(top):
-    """As steep as an impact of restitution 0.5 is within a step at usual tolerances."""
+def test_highest_finds_the_maximum_of_an_asymmetric_function(top):
+    """The asymmetry is that of an impact with restitution 0.5 in a step at usual tolerances."""
 
     def value(x):
         angle = 0.3 * (x - top)
@@ -76,54 +76,54 @@ def test_the_highest_value_of_a_lopsided_hill_is_found_wherever_it_is(top):
 
     ends = [Point(x, value(x)) for x in (0.0, 0.5, 1.0)]
     found = highest(value, *ends)
-    place = min(max(top, 0.0), 1.0)
-    assert float(found.value) == pytest.approx(float(value(place)), rel=1e-9)
-    assert float(found.place) == pytest.approx(place, abs=1e-2)
-    assert float(found.value) == pytest.approx(float(value(found.place)), rel=1e-14)
+    position = min(max(top, 0.0), 1.0)
+    assert float(found.value) == pytest.approx(float(value(position)), rel=1e-9)
+    assert float(found.x) == pytest.approx(position, abs=1e-2)
+    assert float(found.value) == pytest.approx(float(value(found.x)), rel=1e-14)
 
 
 @pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
 @pytest.mark.parametrize("before", [-0.2, -1.0, -1.5])
-def test_two_evaluations_find_it_with_a_point_before(top, before):
-    """To a hundred-thousandth, and its place to a hundredth of a step."""
+def test_highest_after_needs_two_evaluations(top, before):
+    """The maximum is found to 1e-5, and its position to a hundredth of a step."""
 
     def value(x):
         angle = 0.3 * (x - top)
         return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
 
-    places = []
+    positions = []
 
     def counted(x):
-        places.append(float(x))
+        positions.append(float(x))
         return value(x)
 
     found = highest_after(counted, *(Point(x, value(x)) for x in (before, 0.0, 1.0)))
-    place = min(max(top, 0.0), 1.0)
-    assert float(found.value) == pytest.approx(float(value(place)), rel=1e-5)
-    assert float(found.place) == pytest.approx(place, abs=1e-2)
-    assert len(places) == 2
-    assert float(found.value) in [float(value(x)) for x in (0.0, *places, 1.0)]
+    position = min(max(top, 0.0), 1.0)
+    assert float(found.value) == pytest.approx(float(value(position)), rel=1e-5)
+    assert float(found.x) == pytest.approx(position, abs=1e-2)
+    assert len(positions) == 2
+    assert float(found.value) in [float(value(x)) for x in (0.0, *positions, 1.0)]
 
 
 @pytest.mark.parametrize("before", [-5.0, 0.0, 0.6, 5.0])
 @pytest.mark.parametrize("top", [0.02, 0.37, 0.5, 0.98])
-def test_nothing_above_a_kink_is_reported_whatever_was_before(top, before):
-    """The point before may lie beyond a jump; of the kink's height little is missed."""
+def test_highest_after_does_not_exceed_a_kink(top, before):
+    """Also if there is a jump between the point before and the step."""
 
     def value(x):
         return 1.0 - jnp.abs(x - top)
 
     found = highest_after(value, Point(-1.0, before), *(Point(x, value(x)) for x in (0.0, 1.0)))
     assert 0.75 < float(found.value) <= 1.0
-    assert 0.0 <= float(found.place) <= 1.0
+    assert 0.0 <= float(found.x) <= 1.0
 
 
-def test_a_function_of_one_value_and_a_step_without_length_have_their_peak_at_hand():
+def test_highest_after_of_a_constant_and_of_a_step_of_zero_length():
     flat = highest_after(lambda x: jnp.ones(()), *(Point(x, 1.0) for x in (0.0, 0.0, 1.0)))
-    assert (float(flat.value), 0.0 <= float(flat.place) <= 1.0) == (1.0, True)
+    assert (float(flat.value), 0.0 <= float(flat.x) <= 1.0) == (1.0, True)
 
 
-def test_nothing_above_a_kink_is_reported():
+def test_highest_does_not_exceed_a_kink():
     def value(x):
         return 1.0 - jnp.abs(x - 0.37)
 

@@ -1,4 +1,4 @@
-"""Norms, powers and ramps: values and derivatives, above all at the kinks."""
+"""Norms, powers and ramps: values and derivatives, in particular at kinks."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ POINTS = np.array([-2.0, -1e-9, 0.0, 1e-9, 0.3, 2.0])
 
 
 def derivative(function, points):
-    """Values and first derivatives at many points at once."""
+    """Return values and first derivatives at many points."""
     points = jnp.asarray(points)
     return jax.jvp(function, (points,), (jnp.ones_like(points),))
 

@@ -97,7 +97,7 @@ def test_matrix_operation(ours, numpys):
     np.testing.assert_allclose(pack(ours(matrix(M), vector(A))), numpys, rtol=1e-9, atol=1e-12)
 
 
-def test_structural_zeros_and_ones_vanish():
+def test_structural_zeros_and_ones_need_no_operations():
     x = jnp.asarray(2.0)
     assert add(x, 0.0) is x and add(0.0, x) is x and subtract(x, 0.0) is x
     assert multiply(x, 1.0) is x and multiply(1.0, x) is x and multiply(x, 0.0) == 0.0
@@ -105,11 +105,11 @@ def test_structural_zeros_and_ones_vanish():
 
 
 def test_numbers_of_an_array_are_not_structural():
-    """A zero that an argument holds may change without compiling anew."""
+    """A zero in an array may change without compiling again."""
     assert equations(lambda v: pack(v.cross(UNIT_Z)), ZERO) > 0
 
 
-def test_product_with_the_ground_costs_nothing():
+def test_products_with_the_ground_need_no_operations():
     free = Motion(vector(A[0]), matrix(M[:1]), vector(A[1]), vector(A[2]))
 
     def uses(motion, local):
@@ -162,7 +162,7 @@ def test_normalised_has_unit_norm_and_the_same_direction():
 
 
 def test_euler_parameter_rates_are_those_of_the_rotation():
-    """Central differences of the orientation that a constant body spin leads to."""
+    """Compare with central differences of the orientation at constant angular velocity."""
     h = 1e-5
     p = pack(normalised(parameters(Q)))
     rate = pack(euler_parameter_rates(parameters(p), vector(A)))
@@ -204,7 +204,7 @@ def test_transverse_axes_complete_a_right_handed_frame():
     np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-14)
 
 
-def test_transverse_axes_of_zeta_are_the_bodys_own():
+def test_transverse_axes_of_z_are_x_and_y():
     first, second = transverse_axes(UNIT_Z)
     np.testing.assert_array_equal([pack(first), pack(second)], [pack(UNIT_X), pack(UNIT_Y)])
 
@@ -292,7 +292,7 @@ def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved)
     np.testing.assert_allclose(solved(LeastNorm(), s, s @ expected), expected, atol=1e-5)
 
 
-def test_ordered_factorisation_of_an_arrow_fills_nothing_in():
+def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
     """Coupled to the first unknown only, n unknowns cost a few operations each; in the given order
     the factors are full, and the cost is cubic."""
     n = 8

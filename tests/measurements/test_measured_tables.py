@@ -1,4 +1,4 @@
-"""Measurements from files: what is read, and what an error says of a file that is not right."""
+"""Measurements from files, and errors for invalid files."""
 
 import gzip
 import math
@@ -101,20 +101,20 @@ BARE = "t,p\n0,1\n1,2\n"
         (GOOD.replace("t,", "t [kg],"), PROBE, "^In column 't' of '.*rig.csv': .*unit of 's', but"),
         (GOOD, cj.Channel(PROBE.quantity, 1.0, "m"), "`unit of column 'p'.* the channel's 'm', bu"),
         (GOOD, cj.Channel(PROBE.quantity, -1.0), r"^In column 'p' .*`noise of 'p'\[0\]` must be"),
-        (GOOD, cj.Channel(PROBE.quantity), r"`noise` must be one standard deviation, but is None"),
-        (GOOD.replace("p [mm]", "t [s]"), PROBE, "`time` must be once in '.*', but is 't'"),
-        ("t,p [mm],p [mm]\n0,1,5\n", PROBE, "`channels` must be once in '.*', but is 'p': rename"),
+        (GOOD, cj.Channel(PROBE.quantity), r"`noise` must be a standard deviation, but is None"),
+        (GOOD.replace("p [mm]", "t [s]"), PROBE, "`time` must be unique in '.*', but is 't'"),
+        ("t,p [mm],p [mm]\n0,1,5\n", PROBE, "`channels` must be unique in '.*', but is 'p'"),
         ("t,p [mm]\n0,True\n1,False\n", PROBE, "^Row 1 of column 'p' .* not a truth value"),
         ("t,p [mm]\n0,\n1,True\n", PROBE, "^Row 2 of column 'p' .* not a truth value, but is True"),
-        ("", PROBE, "^File '.*rig.csv' must have a header and rows, but nothing is in it"),
+        ("", PROBE, "^File '.*rig.csv' must have a header and rows, but is empty"),
         (GOOD, PROBE.quantity, r"`channels\['p'\]` must be a Channel, but is 'JournalOffset'"),
         (GOOD.replace("1,2", "1,0,2,5"), PROBE, r"^File '.*rig.csv' must have as many fields"),
-        ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass `sep`, `decimal`"),
+        ("t,p [mm]\n0,5,1,25\n", PROBE, "^File '.*rig.csv' must have .* Pass the `sep`, `decimal`"),
         (GOOD, cj.Channel(PROBE.quantity, [1.0, 2.0]), r"`noise` must be of shape \(3,\), but"),
         ("t,p [mm]\n", PROBE, "In column 'p' of .*`times of 'p'` must be a row of times"),
     ],
 )  # fmt: skip
-def test_files_that_are_not_right_are_refused(written, text, channel, message):
+def test_invalid_files_are_refused(written, text, channel, message):
     with pytest.raises(ValueError, match=message):
         cj.read_csv(written(text), {"p": channel})
 
@@ -187,7 +187,7 @@ def gap():
         (dataset, "pair", r"`channels\['pair'\]` must be of one dimension, .*'side'"),
         (unsorted, "p", "^Row 3 of variable 'time' of the dataset must be later .* 1.0: sort"),
         (gap, "p", "^Row 3 of variable 'p' of the dataset must be a finite number, but is nan"),
-        (lambda: dataset().drop_vars("time"), "p", r"with a coordinate, .* along 'time'"),
+        (lambda: dataset().drop_vars("time"), "p", r"a variable along one of the coordinates"),
         (
             lambda: dataset().assign_coords(time=np.array([1, 2, 3], "datetime64[s]")),
             "p",
@@ -195,7 +195,7 @@ def gap():
         ),
     ],
 )
-def test_datasets_that_are_not_right_are_refused(make, name, message):
+def test_invalid_datasets_are_refused(make, name, message):
     with pytest.raises(ValueError, match=message):
         cj.from_xarray(make(), {name: PROBE})
 

@@ -39,7 +39,7 @@ def test_units_become_si(unit, si, factor):
     assert (found, name) == (pytest.approx(factor, rel=1e-14), si)
 
 
-def test_units_of_functions_of_ones_own_become_what_si_has():
+def test_units_of_user_defined_functions_become_si_units():
     assert to_si("N", None) == (1.0, "N")
     assert to_si("mN", None) == (pytest.approx(1e-3), "kg*m/s**2")
     assert to_si("%", None) == (pytest.approx(0.01), "1")
@@ -133,12 +133,12 @@ def test_successive_windows_share_no_sample():
         for field in ("times", "values", "noise"):
             joined = np.concatenate([getattr(part, field) for part in parts])
             np.testing.assert_array_equal(joined, getattr(series, field))
-    with pytest.raises(ValueError, match=r"a window with samples in it.* 0\.0 and 0\.3 s"):
+    with pytest.raises(ValueError, match=r"a window that contains samples.* 0\.0 and 0\.3 s"):
         whole.between(0.3001, 1.0)
 
 
 def test_names_are_checked_against_the_scene():
-    scene, _ = cj.double_pendulum()
+    scene, _ = cj.mechanisms.double_pendulum()
     together().check(scene)
     lost = cj.Series(q.Position("arm 4", "x"), [0.0], [0.0], 1.0)
     own = cj.Series(lambda now: now.time, [0.0], [0.0], 1.0, unit="s")
@@ -168,7 +168,7 @@ def test_dataset_shares_the_time_where_the_series_do():
     assert dataset["a"].dims == dataset["b_noise"].dims == ("time",)
     with pytest.raises(ValueError, match='rename those called "time"'):
         cj.Measurements({"time": probe()}).to_dataset()
-    with pytest.raises(ValueError, match="names that don't meet"):
+    with pytest.raises(ValueError, match="whose names differ from"):
         cj.Measurements({"a": probe(), "a_noise": probe()}).to_dataset()
 
 
@@ -187,13 +187,13 @@ def test_dataset_shares_the_time_where_the_series_do():
         ({"values": [0.0, math.nan, 1.0], "name": "gap"}, r"`values of 'gap'\[1\]` must be finite"),
     ],
 )
-def test_series_that_cannot_be_are_refused(changes, message):
+def test_invalid_series_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         probe(**changes)
 
 
 def test_a_function_needs_a_unit_and_a_channel_must_be_one():
-    with pytest.raises(ValueError, match="`unit` must be given for a channel that names none"):
+    with pytest.raises(ValueError, match="`unit` must be given for a channel without a unit"):
         cj.Series(lambda now: now.time, [0.0], [1.0], 1.0)
     with pytest.raises(ValueError, match="`channel` must be a scalar function .*'probe'"):
         cj.Series("probe", [0.0], [1.0], 1.0)  # pyright: ignore

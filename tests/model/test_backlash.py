@@ -1,4 +1,4 @@
-"""Plays about an axis and between gears: geometry against closed forms, refusals."""
+"""Backlash about an axis and between gears: geometry against closed forms, and errors."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ from clearjoint.model.contact.gap import Gap
 from clearjoint.model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
-LAW = cj.HuntCrossley(0.5, 1e8)
+LAW = cj.laws.HuntCrossley(0.5, 1e8)
 MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
 MOTIONS = {
     "a": moving((0.1, 0.2, 0.3), (1.0, 0.3, 0.2, 0.3), (1.0, 2.0, 3.0), (0.3, 0.2, 5.0)),
@@ -69,7 +69,7 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
     ],
     ids=["along z", "along others"],
 )
-def test_plays_conform(joint):
+def test_joints_conform_in_motion(joint):
     check_contact_joint(joint, MOTIONS)
 
 
@@ -100,11 +100,11 @@ def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
         def friction_force(self, name, contact, normal_force):
             return None
 
-    with pytest.raises(AssertionError, match="another work"):
+    with pytest.raises(AssertionError, match="power of the couples"):
         check_contact_joint(Doubled(backlash()), MOTIONS)
 
 
-def test_a_play_about_an_axis_pushes_by_couples_alone():
+def test_backlash_acts_by_couples_only():
     joint = unpack(backlash())
     turned = {"a": spinning(0.0, 0.0), "b": spinning(3e-3, 0.0)}
     upper = joint.contacts(turned)["upper flank"]
@@ -115,12 +115,12 @@ def test_a_play_about_an_axis_pushes_by_couples_alone():
         assert [float(part) for part in wrenches[name].moment] == pytest.approx([0, 0, moment])
 
 
-def test_a_play_as_a_length_is_the_angle_at_the_radius():
+def test_a_play_length_is_the_angle_at_the_radius():
     assert float(backlash(play=None, play_length=1e-4).play) == pytest.approx(2e-3, rel=1e-15)
 
 
 @pytest.mark.parametrize("turns", [0, 1, -7])
-def test_angles_count_modulo_a_turn_from_the_middle_of_the_play(turns):
+def test_angles_are_taken_modulo_a_revolution_from_the_middle_of_the_play(turns):
     joint = backlash(middle=math.pi - 1e-4)
     for beyond, expected in ((0.0, (-5e-5, -5e-5)), (2e-3, (-1.5e-4, 5e-5))):
         angle = math.pi - 1e-4 + beyond + math.tau * turns
@@ -142,7 +142,7 @@ def test_gears_mesh_alike_after_any_number_of_teeth(teeth_second):
 
 @pytest.mark.parametrize("wider", [-5e-4, 0.0, 1e-4, 1e-3])
 @pytest.mark.parametrize("teeth_second", [41, -57])
-def test_the_play_of_involutes_follows_their_distance(wider, teeth_second):
+def test_gear_backlash_changes_with_the_centre_distance(wider, teeth_second):
     """The play on the working pitch circles is the pitch less both teeth, whose thickness on a
     circle of radius y is y (s/r + 2 (inv(alpha) - inv(alpha_y))) (ISO 21771); of an internal gear
     it is the space that is filled, in the other sense."""
@@ -164,7 +164,7 @@ def test_the_play_of_involutes_follows_their_distance(wider, teeth_second):
         assert found == pytest.approx(PLAY + sense * wider * math.tan(ALPHA), rel=2e-2)
 
 
-def test_what_holds_bodies_in_the_middle_is_a_constraint_and_in_the_middle():
+def test_centred_joints_conform_and_hold_the_middle():
     play = backlash(middle=0.4)
     check_constraint(play.centred_joint(), MOTIONS)
     joint = gears(18, -57, phase=0.3)
@@ -212,10 +212,13 @@ def _at(angle):
         (lambda: backlash(play_length=1e-4), "`play`"),
         (lambda: backlash(play=None), "`play`"),
         (lambda: backlash(play=-1e-3), "`play`"),
-        (lambda: backlash(play=7.0), "smaller than a turn"),
+        (lambda: backlash(play=7.0), "smaller than a full revolution"),
         (lambda: backlash(radius=0.0), "`radius`"),
         (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
-        (lambda: backlash(law=cj.Hertz(cj.RavnStiffness(2e11, 0.3))), "given stiffness"),
+        (
+            lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))),
+            "explicit stiffness",
+        ),
         (lambda: backlash(law=1e8), "AbstractContactLaw"),
         (lambda: cj.Backlash("a", "a", play=1e-3, radius=0.1, law=LAW), "another body"),
         (lambda: gears(17.5), "`teeth_first`"),
@@ -226,7 +229,7 @@ def _at(angle):
     ],
 )
 @pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
-def test_what_no_play_can_be_is_refused(wrong, said):
+def test_invalid_backlash_is_refused(wrong, said):
     with pytest.raises((ValueError, TypeError), match=said):
         wrong()
 
@@ -244,7 +247,7 @@ def test_a_torsional_stiffness_is_the_torque_by_the_angle():
     gap = Gap(backlash.radius * 1e-3, 0.0)
     assert float(backlash.radius * backlash.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
     assert float(backlash.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)
-    law = cj.HuntCrossley(0.5, 1e8)
+    law = cj.laws.HuntCrossley(0.5, 1e8)
     for options in ({}, {"law": law, "radius": 0.1, "torsional_stiffness": 2e4}):
         with pytest.raises(ValueError, match="torsional_stiffness"):
             cj.Backlash(*bodies, play=1e-3, **options)

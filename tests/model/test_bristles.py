@@ -1,10 +1,10 @@
-"""Bristle laws by themselves: closed forms, elasticity, what is refused."""
+"""Bristle laws without a mechanism: closed forms, elasticity, and errors."""
 
 import jax
 import numpy as np
 import pytest
 
-from clearjoint import Dahl, ElastoPlastic, LuGre
+from clearjoint.frictions import Dahl, ElastoPlastic, LuGre
 from clearjoint.math.vectors import Vector
 
 SLOW, FAST, STIFFNESS, STRIBECK_SPEED = 0.25, 0.15, 1e5, 0.01
@@ -77,7 +77,7 @@ def test_elasto_plastic_bristles_are_elastic_up_to_their_limit_and_where_they_re
     assert float(ELASTO_PLASTIC.rate(on_x(middle), on_x(0.02)).x) == pytest.approx(expected)
 
 
-def test_bristles_that_no_surface_has_are_refused():
+def test_invalid_bristles_are_refused():
     with pytest.raises(ValueError, match="breakaway.*at least kinetic"):
         LuGre(0.1, 0.2, stribeck_speed=0.01)
     with pytest.raises(ValueError, match=r"elastic_deflection.*below kinetic/stiffness"):

@@ -56,7 +56,7 @@ def test_rotation_vectors_and_their_rates(angle):
     np.testing.assert_allclose(pack(torque), np.linalg.solve(series.T, spin), rtol=1e-10)
 
 
-def test_a_half_turn_has_no_direction_but_is_a_number():
+def test_half_a_revolution_gives_finite_numbers():
     found = rotation_vector(as_matrix(np.diag([1.0, -1.0, -1.0])))
     assert [float(part) for part in found.vector] == [0.0, 0.0, 0.0]
     assert np.isfinite(float(found.factor))
@@ -87,7 +87,7 @@ def test_forces_balance_and_do_the_work_of_springs_and_dampers():
     parts = [float(part) for part in (*force, *moment)]
     np.testing.assert_allclose(parts, 0.0, atol=1e-13 * scale)
     rates = {
-        name: cj.Motion(
+        name: cj.extend.Motion(
             motion.velocity,
             Matrix(*(row.cross(motion.spin) for row in rows(motion.rotation))),
             motion.velocity * 0.0,
@@ -111,7 +111,7 @@ def test_forces_balance_and_do_the_work_of_springs_and_dampers():
         ({"orientation_first": (1.0, 1.0, 0.0, 0.0)}, "`orientation_first` must be Euler"),
     ],
 )
-def test_what_no_liner_has_is_refused(change, complaint):
+def test_invalid_bushings_are_refused(change, complaint):
     given: dict[str, Any] = {"stiffness": (1.0, 1.0, 1.0)}
     with pytest.raises(ValueError, match=complaint):
         cj.Bushing("a", "b", (0, 0, 0), (0, 0, 0), **(given | change))

@@ -14,14 +14,9 @@ from clearjoint import (
     ClearanceJoint,
     EndPlay,
     FixedAxially,
-    Hertz,
-    LankaraniNikravesh,
     MasslessLink,
-    MotionMode,
-    RegularisedCoulomb,
     Scene,
     State,
-    Trajectory,
     body_state,
     observe,
 )
@@ -29,8 +24,11 @@ from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
 from clearjoint.dynamics.contact_forces import contact_forces
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
+from clearjoint.frictions import RegularisedCoulomb
+from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import EulerParameters, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState
+from clearjoint.results import MotionMode, Trajectory
 from clearjoint.testing import moving
 
 RANDOM = np.random.default_rng(8)
@@ -295,9 +293,9 @@ def pin_scene(law, **options):
 def rates_of(scene, body, clearance):
     """Accelerations and contacts of one journal, as functions that can be differentiated."""
     scene = eqx.tree_at(lambda s: s.joints["pin"].clearance, unpack(scene), clearance)
-    memory = {"pin": {"V": 0.0, "W": 0.0}}
+    entry_speeds = {"pin": {"V": 0.0, "W": 0.0}}
     system = System(scene, Formulation(COORDINATES))
-    found = system.dynamics({"journal": unpack(body)}, memory, 0.0)
+    found = system.dynamics({"journal": unpack(body)}, entry_speeds, 0.0)
     return found.accelerations, found.contact_forces
 
 
@@ -411,7 +409,10 @@ def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
             found |= {label: (c.gap.depth, c.gap.rate) for label, c in contacts.items()}
             offsets = {base: joint.journal_offset(motions, base) for base in ("V", "W")}
             found |= {f"{base} offset": tuple(offset) for base, offset in offsets.items()}
-            found["turn"] = (joint.turn(motions).value, joint.turn(motions).bias)
+            found["turn"] = (
+                joint.relative_angle(motions).value,
+                joint.relative_angle(motions).bias,
+            )
         other = {"V": "W", "W": "V"}
         return {(other.get(k[0], k[0]) + k[1:]) if swapped else k: v for k, v in found.items()}
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from clearjoint import (
+from clearjoint.extend import Gap
+from clearjoint.laws import (
     Flores2011,
-    Gap,
     GivenStiffness,
     Hertz,
     HuntCrossley,
@@ -50,14 +50,14 @@ def test_hertz_force_depends_on_the_depth_only():
     force = law.force(Gap(DEPTH, RATE), None)
     expected = np.broadcast_to(K * np.maximum(DEPTH, 0.0) ** 1.5, force.shape)
     np.testing.assert_allclose(force, expected, rtol=1e-13)
-    assert not law.has_memory and all(law.has_memory for law in DAMPED)
+    assert not law.uses_entry_speed and all(law.uses_entry_speed for law in DAMPED)
 
 
 def test_a_law_without_memory_is_hunt_crossley_at_its_design_speed():
     law, gap = MemorylessHuntCrossley(0.7, K, 0.1), Gap(DEPTH, RATE)
     with_memory = HuntCrossley(0.7, K).force(gap, 0.1)
     np.testing.assert_allclose(law.force(gap, None), with_memory, rtol=1e-14)
-    assert not law.has_memory
+    assert not law.uses_entry_speed
     with pytest.raises(ValueError, match=r"`design_speed`.*0\.0"):
         MemorylessHuntCrossley(0.7, K, 0.0)
 
@@ -82,7 +82,7 @@ def test_smooth_force_is_the_closed_form(exponent):
     factor = parabola(1 + CHI[type(law)](c) * rate / entry, w / (w + np.maximum(depth, 0.0)))
     expected = K * parabola(depth, w) ** exponent * factor
     np.testing.assert_allclose(law.force(Gap(depth, rate), entry), expected, rtol=1e-12, atol=1e-9)
-    assert law.reach() == w and Hertz(K).reach() == 0.0
+    assert law.onset_offset() == w and Hertz(K).onset_offset() == 0.0
 
 
 def test_smooth_law_tends_to_the_exact_one():

@@ -1,4 +1,4 @@
-"""Line contact: published numbers, closed forms, limits and what is said beyond."""
+"""Line contact: published numbers, closed forms, limits and the warnings beyond them."""
 
 import jax
 import numpy as np
@@ -12,7 +12,7 @@ STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
 RADIUS, CLEARANCE, LENGTH = 10e-3, 0.5e-3, 20e-3
 MODULUS = 207e9 / (2 * 0.91)
 """E*, Pa."""
-NUMBERS = {cj.LiuCylinder: 2536, cj.JohnsonCylinder: 8970, cj.PereiraCylinder: 9612}
+NUMBERS = {cj.laws.LiuCylinder: 2536, cj.laws.JohnsonCylinder: 8970, cj.laws.PereiraCylinder: 9612}
 RELATIVE = RADIUS * (RADIUS - CLEARANCE) / CLEARANCE
 FLATNESS = 1 / (np.pi * MODULUS)
 
@@ -36,16 +36,16 @@ def goldsmith(load):
 
 
 FORMULAS = {
-    cj.JohnsonCylinder: johnson,
-    cj.EsduCylinder: esdu,
-    cj.RadzimovskyCylinder: radzimovsky,
-    cj.GoldsmithCylinder: goldsmith,
-    cj.DubowskyFreudensteinCylinder: goldsmith,
+    cj.laws.JohnsonCylinder: johnson,
+    cj.laws.EsduCylinder: esdu,
+    cj.laws.RadzimovskyCylinder: radzimovsky,
+    cj.laws.GoldsmithCylinder: goldsmith,
+    cj.laws.DubowskyFreudensteinCylinder: goldsmith,
 }
 LIMITS = {
-    cj.JohnsonCylinder: 4 * CLEARANCE / np.e**2,
-    cj.EsduCylinder: 4 * CLEARANCE,
-    cj.RadzimovskyCylinder: 4.4784 * CLEARANCE / np.pi,
+    cj.laws.JohnsonCylinder: 4 * CLEARANCE / np.e**2,
+    cj.laws.EsduCylinder: 4 * CLEARANCE,
+    cj.laws.RadzimovskyCylinder: 4.4784 * CLEARANCE / np.pi,
 }
 
 
@@ -54,7 +54,7 @@ def cylinder(law, **options):
 
 
 def gap(depth):
-    return cj.Gap(depth, 0.0, RADIUS, CLEARANCE)
+    return cj.extend.Gap(depth, 0.0, RADIUS, CLEARANCE)
 
 
 @pytest.mark.parametrize("law", NUMBERS)
@@ -76,13 +76,15 @@ def test_the_deepest_penetration(law):
 
 
 def test_johnson_ends_at_half_a_clearance_under_the_load_of_the_fold():
-    contact, end = cylinder(cj.JohnsonCylinder), 0.541 * CLEARANCE
+    contact, end = cylinder(cj.laws.JohnsonCylinder), 0.541 * CLEARANCE
     assert float(contact.deepest(gap(0.0))) == pytest.approx(end, rel=1e-3)
     load = contact.reference_load(gap(0.0)) / np.e**2
     assert load == pytest.approx(9.67e7, rel=1e-3)
 
 
-@pytest.mark.parametrize("law", [*FORMULAS, cj.LiuCylinder, cj.PereiraCylinder, cj.PerssonCylinder])
+@pytest.mark.parametrize(
+    "law", [*FORMULAS, cj.laws.LiuCylinder, cj.laws.PereiraCylinder, cj.laws.PerssonCylinder]
+)
 def test_energy_is_the_force_s_integral_beyond_the_deepest_too(law):
     contact = cylinder(law)
     energy = jax.vmap(jax.grad(lambda depth: contact.energy(gap(depth), 1.5)))
@@ -104,7 +106,7 @@ def test_the_inversion_and_its_derivative():
 
 def test_persson_s_half_angles():
     """2.32 degrees at 1466 N, where Hertz has 2.38, and 18.6 at 100 kN; Hertz at small loads."""
-    contact = cylinder(cj.PerssonCylinder)
+    contact = cylinder(cj.laws.PerssonCylinder)
     for force, degrees in ((1466.0, 2.32), (1e5, 18.6)):
         angle = brentq(lambda a, f=force: float(contact.load(a, CLEARANCE)) - f, 1e-6, 1.4)
         assert np.degrees(angle) == pytest.approx(degrees, abs=0.05)
@@ -125,8 +127,8 @@ def test_pereira_in_millimetres():
             y = 1.51 * np.log(1000 * clearance) ** -0.151
         factor = (0.965 * clearance + 0.0965) * 20.0 * MODULUS * 1e-6 / clearance
         expected = factor * 0.005 ** (y * clearance**-0.005)
-        here = cj.Gap(5e-6, 0.0, RADIUS, 1e-3 * clearance)
-        found = cylinder(cj.PereiraCylinder).force(here, 1.5)
+        here = cj.extend.Gap(5e-6, 0.0, RADIUS, 1e-3 * clearance)
+        found = cylinder(cj.laws.PereiraCylinder).force(here, 1.5)
         assert float(found) == pytest.approx(expected, rel=1e-12)
 
 
@@ -137,13 +139,13 @@ def joint(law, clearance):
         bearing_radius=RADIUS,
         clearance=clearance,
         journal_length=LENGTH,
-        law=cj.LankaraniNikravesh(0.9, cylinder(law)),
+        law=cj.laws.LankaraniNikravesh(0.9, cylinder(law)),
     )
 
 
 def test_a_clearance_beyond_the_range_is_warned_of_at_construction():
     with pytest.warns(cj.LawRangeWarning) as caught:
-        joint(cj.PereiraCylinder, 4e-6)
+        joint(cj.laws.PereiraCylinder, 4e-6)
     message = str(caught[0].message)
     for word in ("PereiraCylinder", "clearance", "5e-06 m", "4e-06 m"):
         assert word in message
@@ -152,13 +154,13 @@ def test_a_clearance_beyond_the_range_is_warned_of_at_construction():
 
 def impacts(deepest):
     row = ("shoulder", "V", 0.0, 1e-4, 1e-4, 0.1, 0.09, 1e3, 5e-5)
-    return cj.Impacts.of_rows([(*row, 1e-6), (*row, deepest)])
+    return cj.results.Impacts.of_rows([(*row, 1e-6), (*row, deepest)])
 
 
 def test_penetrations_beyond_the_range_are_reported():
     scene = cj.Scene(
         {"rod": cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))},
-        {"shoulder": joint(cj.JohnsonCylinder, CLEARANCE)},
+        {"shoulder": joint(cj.laws.JohnsonCylinder, CLEARANCE)},
     )
     (sentence,) = cj.beyond_law_ranges(scene, impacts(0.3e-3))
     for word in ("'shoulder'", "'V'", "JohnsonCylinder", "penetration", "0.0002707 m", "0.0003 m"):

@@ -47,7 +47,7 @@ def test_short_bearing_is_reynolds_equation():
     offsets = draws.uniform(0.0, 0.95, 60) * np.stack([np.cos(angles), np.sin(angles)])
     rates = draws.normal(size=(60, 2)) * 10.0 ** draws.uniform(-3, 3, (60, 1))
     expected = [short_bearing_force(*pair) for pair in zip(offsets.T, rates, strict=True)]
-    errors = forces(cj.CaponeFilm(VISCOSITY), offsets.T, rates) / SHORT - expected
+    errors = forces(cj.films.CaponeFilm(VISCOSITY), offsets.T, rates) / SHORT - expected
     sizes = np.linalg.norm(expected, axis=1)
     assert (np.linalg.norm(errors, axis=1) < 1e-10 * sizes).all()
 
@@ -55,13 +55,13 @@ def test_short_bearing_is_reynolds_equation():
 def test_short_bearing_in_steady_rotation():
     """Radial 16/9 and tangential 2.41840 in mu omega R L^3/(4 c^2) at an eccentricity of 1/2."""
     offset, rate = steady(0.5, speed=1.0)
-    force = forces(cj.CaponeFilm(VISCOSITY), [offset], [rate])[0] / (SHORT / 4.0)
+    force = forces(cj.films.CaponeFilm(VISCOSITY), [offset], [rate])[0] / (SHORT / 4.0)
     np.testing.assert_allclose(force, [-16 / 9, math.pi * 0.5 / 0.75**1.5], rtol=1e-14)
     assert force[1] == pytest.approx(2.41840, abs=5e-6)
 
 
 def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
-    """In axes that don't turn, by the sum of the spins: physics as printed, with its own signs."""
+    """In fixed axes, with the sum of the spins: the printed formula with its signs."""
     x, y, dx, dy, spin = 0.3, -0.5, 20.0, -35.0, 90.0
     a, b = spin * x - 2 * dy, spin * y + 2 * dx
     r, rho = math.hypot(a, b), 1 - x * x - y * y
@@ -72,13 +72,13 @@ def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
     components = 3 * x * v - s * g - 2 * c * q, 3 * y * v + c * g - 2 * s * q
     expected = -SHORT / 4 * r / rho * np.array(components)
     rate = [dx + 0.5 * spin * y, dy - 0.5 * spin * x]
-    force = forces(cj.CaponeFilm(VISCOSITY), [[x, y]], [rate])[0]
+    force = forces(cj.films.CaponeFilm(VISCOSITY), [[x, y]], [rate])[0]
     np.testing.assert_allclose(force, expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("width", SOMMERFELD_NUMBERS)
 def test_finite_width_against_the_table(width):
-    film, length = cj.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
+    film, length = cj.films.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
     states = [steady(ratio) for ratio in (0.5, 0.9)]
     loads = np.linalg.norm(forces(film, *zip(*states, strict=True), length), axis=1)
     unit = 2.0 * RADIUS * length * VISCOSITY * 2.0 * (RADIUS / CLEARANCE) ** 2
@@ -89,7 +89,7 @@ def test_finite_width_against_the_table(width):
 @pytest.mark.parametrize("width", [0.5, 1.0])
 def test_finite_width_against_reynolds_equation(width):
     """The load and its angle in rotation, and squeeze to either side."""
-    film, length = cj.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
+    film, length = cj.films.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
     unit = 2.0 * RADIUS * length * VISCOSITY * (RADIUS / CLEARANCE) ** 2
     offsets = np.array([[0.5, 0.0]] * 3 + [[0.8, 0.0]] * 3)
     rates = np.array([[0.0, -0.25], [1.0, 0.0], [-1.0, 0.0], [0.0, -0.4], [1.0, 0.0], [-1.0, 0.0]])
@@ -108,7 +108,7 @@ def test_solved_equation_is_the_table():
 
 
 def printed(ratio, opening, turning):
-    """Radial and tangential force as printed, the leading sign of the opening film mended."""
+    """Radial and tangential force as printed, but with the right sign for an opening film."""
     k = math.sqrt((1 - ratio**2) * ((turning / (2 * opening)) ** 2 + 1 / ratio**2))
     sign, part = (1, (k + 3) / (k + 1.5)) if opening > 0 else (-1, k / (k + 1.5))
     common = part / ((2 + ratio**2) * (1 - ratio**2) ** 0.5)
@@ -122,38 +122,38 @@ def printed(ratio, opening, turning):
 @pytest.mark.parametrize("turning", [-40.0, 0.2, 15.0])
 def test_endless_bearing_as_printed(ratio, opening, turning):
     rate = opening, -0.5 * ratio * turning
-    force = forces(cj.PinkusSternlichtFilm(VISCOSITY), [[ratio, 0.0]], [rate])[0] / LONG
+    force = forces(cj.films.PinkusSternlichtFilm(VISCOSITY), [[ratio, 0.0]], [rate])[0] / LONG
     np.testing.assert_allclose(force, printed(ratio, opening, turning), rtol=1e-12)
 
 
 def test_endless_bearing_in_steady_rotation_is_sommerfelds_half_film():
     offset, rate = steady(0.6, speed=1.0)
-    force = forces(cj.PinkusSternlichtFilm(VISCOSITY), [offset], [rate])[0] / LONG
+    force = forces(cj.films.PinkusSternlichtFilm(VISCOSITY), [offset], [rate])[0] / LONG
     rho = 1 - 0.36
     expected = -12 * 0.36 / (2.36 * rho), 6 * math.pi * 0.6 / (2.36 * math.sqrt(rho))
     np.testing.assert_allclose(force, expected, rtol=1e-14)
 
 
 def test_drag_is_petroffs_and_grows_with_the_eccentricity():
-    film = cj.CaponeFilm(VISCOSITY)
+    film = cj.films.CaponeFilm(VISCOSITY)
     petroff = 2 * math.pi * VISCOSITY * RADIUS**3 * LENGTH / CLEARANCE * 50.0
     assert film.drag(gap((0.0, 0.0), (0.0, 0.0), spin=50.0)) == pytest.approx(-petroff)
     assert film.drag(gap((0.0, 0.6), (0.0, 0.0), spin=-50.0)) == pytest.approx(petroff / 0.8)
 
 
-@pytest.mark.parametrize("film", [cj.CaponeFilm, cj.PinkusSternlichtFilm])
+@pytest.mark.parametrize("film", [cj.films.CaponeFilm, cj.films.PinkusSternlichtFilm])
 def test_films_conform(film):
     check_film(film(VISCOSITY))
 
 
 @pytest.mark.slow
 def test_finite_width_conforms_but_for_its_power():
-    """Rotation and squeeze solved apart: next to the wall, an opening film may give power."""
-    complaints = list(complaints_of_film(cj.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))
-    assert complaints == ["The film gives power: force . rate > 0."]
+    """Rotation and squeeze solved apart: next to the wall, an opening film may supply power."""
+    complaints = list(complaints_of_film(cj.films.ButenschoenFilm(0.02), RADIUS, CLEARANCE, LENGTH))
+    assert complaints == ["The film supplies power: force . rate > 0."]
 
 
-class Pulling(cj.AbstractFilm):
+class Pulling(cj.extend.AbstractFilm):
     """A film whose force is along the motion, with a direction where there is none."""
 
     viscosity: float
@@ -167,7 +167,12 @@ class Pulling(cj.AbstractFilm):
 
 def test_a_broken_film_is_refused():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
-    for words in ("force is not finite", "gives power", "drives the spin", "derivative by offset"):
+    for words in (
+        "force is not finite",
+        "supplies power",
+        "drives the spin",
+        "derivative by offset",
+    ):
         assert words in complaints
     with pytest.raises(AssertionError, match="not finite"):
         check_film(Pulling(1.0))
@@ -175,4 +180,4 @@ def test_a_broken_film_is_refused():
 
 def test_negative_viscosity_is_refused():
     with pytest.raises(ValueError, match=r"`viscosity` must be positive, but is -0\.1"):
-        cj.CaponeFilm(-0.1)
+        cj.films.CaponeFilm(-0.1)

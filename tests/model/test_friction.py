@@ -1,11 +1,11 @@
-"""Friction laws: closed forms, and what every such law must satisfy."""
+"""Friction laws: closed forms, and properties of every friction law."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint import Ambrosio, RegularisedCoulomb
+from clearjoint.frictions import Ambrosio, RegularisedCoulomb
 from clearjoint.math.vectors import Vector, pack
 from clearjoint.model.contact.gap import slip_velocity
 
@@ -50,7 +50,7 @@ def test_force_is_proportional_to_the_normal_force(law):
 
 @pytest.mark.parametrize(("law", "steepest"), list(zip(LAWS, STEEPEST, strict=True)))
 def test_ratio_is_continuous(law, steepest):
-    """Between neighbouring speeds it changes by no more than its steepest slope allows."""
+    """The change between adjacent speeds is limited by the largest slope."""
     speeds = np.linspace(0.0, 5e-3, 5001)
     changes = np.diff(np.asarray(law.ratio(speeds)))
     assert law.ratio(0.0) == 0.0

@@ -23,11 +23,11 @@ from clearjoint import (
     Scene,
     SphericalJoint,
     body_state,
-    rows_from_residual,
 )
 from clearjoint.dynamics import multipliers
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
+from clearjoint.extend import rows_from_residual
 from clearjoint.math.rotations import transverse_axes
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND_MOTION, Motion
@@ -180,7 +180,7 @@ def test_primitive_row_is_the_derivatives_of_its_residual(case):
 
 
 def test_rows_from_a_residual_are_those_by_hand():
-    """The residual as a user would write one."""
+    """A residual as in a user-defined constraint."""
     joint = unpack(REVOLUTE)
     axis, across = A1 / np.linalg.norm(A1), transverse_axes(Vector(*A2 / np.linalg.norm(A2)))
 

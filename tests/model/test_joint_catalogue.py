@@ -57,7 +57,7 @@ def turned_about(axis, angle, speed, frame=None, position=ORIGIN, velocity=ORIGI
 
 
 def held(joint, motions):
-    """Asserts that a motion is one that the joint allows."""
+    """Assert that the joint allows a motion."""
     for label, row in unpack(joint).rows(motions, 0.0).items():
         assert abs(float(row.value)) < 1e-12, label
         assert abs(float(row_rate(row, motions))) < 1e-11, label
@@ -105,7 +105,7 @@ def test_gears_turn_by_their_teeth(turns, internal):
         held(cj.GearJoint("arm", "a", "b", axis, axis, first, second, internal, 0.3), motions)
 
 
-def test_a_gear_out_of_mesh_is_told_by_how_far():
+def test_the_error_of_a_gear_out_of_mesh_is_reported():
     joint = unpack(cj.GearJoint("ground", "a", "b", Z, Z, 10, 30))
     motions = {"ground": AT_REST, "a": turned_about(Z, 0.1, 0.0), "b": AT_REST}
     assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
@@ -118,7 +118,7 @@ def test_a_gear_out_of_mesh_is_told_by_how_far():
     [
         (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17.5, 51), "`teeth_first`.*17.5"),
         (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17, 0), "`teeth_second`.*teeth"),
-        (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*bears the gears"),
+        (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*carries the gears"),
         (lambda: cj.GearJoint("ground", "a", "b", 0 * Z, Z, 17, 51), "`axis_first`"),
         (lambda: cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, 0.0), "`lead`.*RevoluteJoint"),
         (lambda: cj.DistanceJoint("a", "b", ORIGIN, ORIGIN, -1.0), "`length`"),
@@ -126,14 +126,14 @@ def test_a_gear_out_of_mesh_is_told_by_how_far():
         (lambda: cj.Motor("a", "b", Z, 0.0, 1.0, 0.0, torque_limit=0.0), "`torque_limit`"),
         (lambda: cj.TorsionalSpring("a", "b", Z, -1.0), "`stiffness`"),
         (lambda: cj.PrescribedAngle("a", "b", Z, [1.0, 2.0]), "`function`.*Spline.through"),
-        (lambda: cj.Spline.through([0.0, 1.0, 1.0], [0, 1, 2]), "`times`.*rising"),
+        (lambda: cj.Spline.through([0.0, 1.0, 1.0], [0, 1, 2]), "`times`.*increasing"),
         (lambda: cj.Spline.through([0.0, 1.0], [0, 1, 2]), "`values`.*shape"),
-        (lambda: cj.Spline([0.0], [0.0], [0.0]), "`times`.*two times or more"),
+        (lambda: cj.Spline([0.0], [0.0], [0.0]), "`times`.*two or more times"),
         (lambda: cj.Spline([0.0, 1.0], [0.0, np.nan], [0.0, 0.0]), "`values`.*finite"),
         (lambda: cj.Polynomial([]), "`coefficients`.*a row"),
     ],
 )
-def test_what_no_element_can_have_is_refused(make, complaint):
+def test_invalid_elements_are_refused(make, complaint):
     with pytest.raises(ValueError, match=complaint):
         make()
 
@@ -153,7 +153,7 @@ def test_splines_go_through_their_table_smoothly():
     assert float(unpack(cj.Polynomial([1.0, -2.0, 0.5]))(3.0)) == -0.5
 
 
-class Kinked(cj.AbstractFunctionOfTime):
+class Kinked(cj.extend.AbstractFunctionOfTime):
     """It begins to move at an instant."""
 
     start: float
@@ -165,7 +165,7 @@ class Kinked(cj.AbstractFunctionOfTime):
         return self.start
 
 
-def test_drives_have_the_breakpoints_of_what_they_follow():
+def test_drives_have_the_breakpoints_of_their_functions():
     kinked = Kinked(0.3)
     drives = (
         cj.PrescribedAngle("a", "b", Z, kinked),
@@ -208,7 +208,7 @@ def run(request):
 
 
 def close(found, expected, tolerance):
-    """Asserts that the largest difference is small, and tells it."""
+    """Assert that the largest difference is small, and report it."""
     error = np.abs(np.asarray(found) - expected).max()
     print(f"largest difference {error:.1e}, of {np.abs(expected).max():.1e}")
     assert error < tolerance

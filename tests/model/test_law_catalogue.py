@@ -11,24 +11,32 @@ import clearjoint as cj
 from clearjoint.testing import check_law
 
 K, MASS, SPEED = 6.6e10, 2.0, 0.1
-STEEL = cj.RavnStiffness(207e9, 0.3)
-CYLINDER = cj.JohnsonCylinder(207e9, 0.3, length=20e-3)
+STEEL = cj.laws.RavnStiffness(207e9, 0.3)
+CYLINDER = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
 REQUESTED = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 DELIVERED = {
-    cj.HuntCrossley: ".4877 .5158 .5469 .5813 .6197 .6630 .7120 .7680 .8329 .9090 .9524 1",
-    cj.HerbertMcWhannell: ".4877 .4907 .5008 .5200 .5503 .5936 .6511 .7227 .8070 .9009 .9501 1",
-    cj.LeeWang: ".6630 .6867 .7120 .7390 .7680 .7992 .8329 .8693 .9090 .9524 .9756 1",
-    cj.LankaraniNikravesh: ".6630 .6653 .6723 .6842 .7016 .7252 .7561 .7960 .8471 .9132 .9535 1",
-    cj.Gonthier: "0 .1010 .2046 .3042 .3978 .4877 .5773 .6696 .7680 .8764 .9359 1",
-    cj.ZhiyingQishao: ".1787 .2175 .2664 .3267 .3988 .4826 .5769 .6796 .7874 .8959 .9489 1",
-    cj.Flores2011: "0 .0694 .1555 .2562 .3629 .4704 .5773 .6832 .7885 .8939 .9468 1",
-    cj.GharibHurmuzlu: "0 .1000 .1970 .2819 .3524 .4107 .4595 .5008 .5362 .5668 .5807 .5936",
-    cj.HuGuo: "0 .0741 .1656 .2707 .3796 .4877 .5936 .6973 .7992 .8999 .9500 1",
-    cj.CarvalhoMartins: ".0606 .1289 .2116 .3040 .4011 .5002 .6000 .7000 .8000 .9000 .9500 1",
-    cj.ExactRestitution: "0 .1 .2 .3 .4 .5 .6 .7 .8 .9 .95 1",
+    cj.laws.HuntCrossley: ".4877 .5158 .5469 .5813 .6197 .6630 .7120 .7680 .8329 .9090 .9524 1",
+    cj.laws.HerbertMcWhannell: ".4877 .4907 .5008 .5200 .5503 .5936 .6511 .7227 .8070 .9009 .9501 "
+    "1",
+    cj.laws.LeeWang: ".6630 .6867 .7120 .7390 .7680 .7992 .8329 .8693 .9090 .9524 .9756 1",
+    cj.laws.LankaraniNikravesh: ".6630 .6653 .6723 .6842 .7016 .7252 .7561 .7960 .8471 .9132 .9535 "
+    "1",
+    cj.laws.Gonthier: "0 .1010 .2046 .3042 .3978 .4877 .5773 .6696 .7680 .8764 .9359 1",
+    cj.laws.ZhiyingQishao: ".1787 .2175 .2664 .3267 .3988 .4826 .5769 .6796 .7874 .8959 .9489 1",
+    cj.laws.Flores2011: "0 .0694 .1555 .2562 .3629 .4704 .5773 .6832 .7885 .8939 .9468 1",
+    cj.laws.GharibHurmuzlu: "0 .1000 .1970 .2819 .3524 .4107 .4595 .5008 .5362 .5668 .5807 .5936",
+    cj.laws.HuGuo: "0 .0741 .1656 .2707 .3796 .4877 .5936 .6973 .7992 .8999 .9500 1",
+    cj.laws.CarvalhoMartins: ".0606 .1289 .2116 .3040 .4011 .5002 .6000 .7000 .8000 .9000 .9500 1",
+    cj.laws.ExactRestitution: "0 .1 .2 .3 .4 .5 .6 .7 .8 .9 .95 1",
 }
 EXACT = (9.99816, 4.91917, 3.08708, 2.08250, 1.43275, 0.97487, 0.63483, 0.37315, 0.16648, 0.07893)
-REFUSE_ZERO = (cj.Flores2011, cj.Gonthier, cj.GharibHurmuzlu, cj.HuGuo, cj.ExactRestitution)
+REFUSE_ZERO = (
+    cj.laws.Flores2011,
+    cj.laws.Gonthier,
+    cj.laws.GharibHurmuzlu,
+    cj.laws.HuGuo,
+    cj.laws.ExactRestitution,
+)
 
 
 @pytest.mark.parametrize("law", DELIVERED)
@@ -36,7 +44,9 @@ def test_delivered_restitution(law):
     least = 1e-6 if issubclass(law, REFUSE_ZERO) else 0.0
     factors = [float(law(max(c, least), K).damping_factor()) for c in REQUESTED]
     expected = np.array(DELIVERED[law].split(), float)
-    np.testing.assert_allclose(cj.delivered_restitution(np.array(factors)), expected, atol=0.6e-4)
+    np.testing.assert_allclose(
+        cj.laws.delivered_restitution(np.array(factors)), expected, atol=0.6e-4
+    )
 
 
 @pytest.mark.parametrize("law", REFUSE_ZERO)
@@ -48,45 +58,54 @@ def test_infinite_damping_is_refused(law):
 @pytest.mark.parametrize(
     ("law", "restitutions", "delivered"),
     [
-        (cj.HuntCrossley, (0.9, 0.8, 0.5, 0.3, 0.1), (0.90903, 0.83290, 0.66298, 0.58132, 0.51586)),
-        (cj.CarvalhoMartins, (0.9, 0.8, 0.5), (0.90002, 0.80002, 0.50020)),
-        (cj.Gonthier, (0.3, 0.1), (0.30424, 0.10099)),
-        (cj.YePounding, (0.3, 0.5, 0.7, 0.9), (0.271, 0.488, 0.697, 0.900)),
+        (
+            cj.laws.HuntCrossley,
+            (0.9, 0.8, 0.5, 0.3, 0.1),
+            (0.90903, 0.83290, 0.66298, 0.58132, 0.51586),
+        ),
+        (cj.laws.CarvalhoMartins, (0.9, 0.8, 0.5), (0.90002, 0.80002, 0.50020)),
+        (cj.laws.Gonthier, (0.3, 0.1), (0.30424, 0.10099)),
+        (cj.laws.YePounding, (0.3, 0.5, 0.7, 0.9), (0.271, 0.488, 0.697, 0.900)),
     ],
 )
 def test_published_numbers(law, restitutions, delivered):
     """Exudyn's, of contactSphereSphereTest.py, to what their integration leaves; Ye's to three."""
     factors = np.array([float(law(c, 1e8).damping_factor()) for c in restitutions])
-    atol = 6e-4 if law is cj.YePounding else 5e-5
-    np.testing.assert_allclose(cj.delivered_restitution(factors), delivered, atol=atol)
+    atol = 6e-4 if law is cj.laws.YePounding else 5e-5
+    np.testing.assert_allclose(cj.laws.delivered_restitution(factors), delivered, atol=atol)
 
 
-def test_an_unusable_law_says_so():
+def test_an_unusable_law_warns():
     with pytest.warns(cj.LawRangeWarning, match="PantWijeyewickrema.*restitution of 0.5"):
-        law = cj.PantWijeyewickrema(0.5, 1e8)
+        law = cj.laws.PantWijeyewickrema(0.5, 1e8)
     factors = 1.5 * (1 - np.array([0.3, 0.5, 0.7, 0.9]) ** 2) / np.array([0.3, 0.5, 0.7, 0.9]) ** 2
     assert float(law.damping_factor()) == pytest.approx(factors[1], rel=1e-14)
     expected = (0.066, 0.217, 0.477, 0.809)
-    np.testing.assert_allclose(cj.delivered_restitution(factors), expected, atol=6e-4)
+    np.testing.assert_allclose(cj.laws.delivered_restitution(factors), expected, atol=6e-4)
 
 
 def test_small_losses_by_the_slope_of_the_factor():
     """e = 1 - 2 chi/3: the exact slope of chi is -3/2; Lee and Wang have half of it."""
     slopes = {
         law: float(jax.grad(lambda c, law=law: law(c, K).damping_factor())(1.0))
-        for law in (cj.ExactRestitution, cj.HuntCrossley, cj.LeeWang, cj.SafaeifarFarshidianfar)
+        for law in (
+            cj.laws.ExactRestitution,
+            cj.laws.HuntCrossley,
+            cj.laws.LeeWang,
+            cj.laws.SafaeifarFarshidianfar,
+        )
     }
     assert list(slopes.values()) == pytest.approx([-1.5, -1.5, -0.75, -1.25], rel=1e-12)
 
 
-FACTORS = jax.jit(jax.vmap(cj.exact_damping_factor))
-SLOPES = jax.jit(jax.vmap(jax.grad(cj.exact_damping_factor)))
+FACTORS = jax.jit(jax.vmap(cj.laws.exact_damping_factor))
+SLOPES = jax.jit(jax.vmap(jax.grad(cj.laws.exact_damping_factor)))
 
 
 def test_the_exact_factor():
     np.testing.assert_allclose(FACTORS(np.array(REQUESTED[1:-1])), EXACT, atol=6e-6)
     asked = np.concatenate([np.logspace(-6, -1, 40), np.linspace(0.1, 1.0, 91)])
-    np.testing.assert_allclose(cj.delivered_restitution(FACTORS(asked)), asked, atol=1e-12)
+    np.testing.assert_allclose(cj.laws.delivered_restitution(FACTORS(asked)), asked, atol=1e-12)
 
 
 def test_the_exact_factor_in_its_limits():
@@ -110,7 +129,7 @@ JANKOWSKI = (0.093, 0.292, 0.495, 0.698, 0.900)
 FIVE = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
-@pytest.mark.parametrize("law", [cj.KelvinVoigt, cj.Tsuji])
+@pytest.mark.parametrize("law", [cj.laws.KelvinVoigt, cj.laws.Tsuji])
 def test_clamped_dashpots_deliver_the_closed_form(law):
     found = [float(law(c, K, MASS).delivered_restitution()) for c in FIVE]
     assert found == pytest.approx(CLAMPED, abs=6e-4)
@@ -119,10 +138,10 @@ def test_clamped_dashpots_deliver_the_closed_form(law):
 @pytest.mark.parametrize(
     ("law", "requested", "delivered"),
     [
-        (cj.KelvinVoigt, 0.5, 0.550),
-        pytest.param(cj.Tsuji, 0.5, 0.550, marks=pytest.mark.slow),
+        (cj.laws.KelvinVoigt, 0.5, 0.550),
+        pytest.param(cj.laws.Tsuji, 0.5, 0.550, marks=pytest.mark.slow),
         *(
-            pytest.param(cj.Jankowski, c, e, marks=[pytest.mark.slow] if c != 0.5 else [])
+            pytest.param(cj.laws.Jankowski, c, e, marks=[pytest.mark.slow] if c != 0.5 else [])
             for c, e in zip(FIVE, JANKOWSKI, strict=True)
         ),
     ],
@@ -134,55 +153,57 @@ def test_integrated_impacts_of_dashpots(law, requested, delivered):
 
 @pytest.mark.slow
 def test_flores_variant_delivers_the_root():
-    found = cj.free_impact(cj.FloresKelvinVoigt(0.5, 1e9, 1e-4), MASS, SPEED).restitution
+    found = cj.free_impact(cj.laws.FloresKelvinVoigt(0.5, 1e9, 1e-4), MASS, SPEED).restitution
     assert found == pytest.approx(0.5**0.5, abs=1e-5)
 
 
 @pytest.mark.slow
 def test_a_line_contact_delivers_what_is_requested():
     """The relation holds for every elastic force."""
-    law = cj.ExactRestitution(0.7, CYLINDER)
+    law = cj.laws.ExactRestitution(0.7, CYLINDER)
     found = cj.free_impact(law, MASS, SPEED, 10e-3, 0.5e-3).restitution
     assert found == pytest.approx(0.7, abs=1e-6)
 
 
 @pytest.mark.slow
 def test_viscous_spheres_lose_more_at_speed():
-    law = cj.KuwabaraKono(K, 1e6)
+    law = cj.laws.KuwabaraKono(K, 1e6)
     slow, fast = (cj.free_impact(law, MASS, speed).restitution for speed in (0.01, 1.0))
     assert 1.0 > slow > fast > 0.0
 
 
 def of_cylinder(name):
-    return cj.LankaraniNikravesh(0.9, getattr(cj, f"{name}Cylinder")(207e9, 0.3, length=20e-3))
+    return cj.laws.LankaraniNikravesh(
+        0.9, getattr(cj.laws, f"{name}Cylinder")(207e9, 0.3, length=20e-3)
+    )
 
 
 FAST = [
-    cj.ZhiyingQishao(0.6, STEEL),
-    cj.Tsuji(0.6, STEEL, 2.0),
-    cj.Jankowski(0.6, STEEL, 2.0),
-    cj.ElastoGap(1e8, 50.0),
+    cj.laws.ZhiyingQishao(0.6, STEEL),
+    cj.laws.Tsuji(0.6, STEEL, 2.0),
+    cj.laws.Jankowski(0.6, STEEL, 2.0),
+    cj.laws.ElastoGap(1e8, 50.0),
 ]
 SLOW = [
     *(
         law(0.6, STEEL)
         for law in (
-            cj.HerbertMcWhannell,
-            cj.LeeWang,
-            cj.Gonthier,
-            cj.GharibHurmuzlu,
-            cj.HuGuo,
-            cj.SafaeifarFarshidianfar,
-            cj.YePounding,
+            cj.laws.HerbertMcWhannell,
+            cj.laws.LeeWang,
+            cj.laws.Gonthier,
+            cj.laws.GharibHurmuzlu,
+            cj.laws.HuGuo,
+            cj.laws.SafaeifarFarshidianfar,
+            cj.laws.YePounding,
         )
     ),
-    *(cj.ExactRestitution(c, STEEL) for c in (0.01, 0.6, 1.0)),
-    cj.KuwabaraKono(STEEL, 1e6),
-    cj.BordbarHyppanen(STEEL, 1e6),
-    cj.CarvalhoMartins(0.6, STEEL),
-    cj.FloresKelvinVoigt(0.6, 1e8),
+    *(cj.laws.ExactRestitution(c, STEEL) for c in (0.01, 0.6, 1.0)),
+    cj.laws.KuwabaraKono(STEEL, 1e6),
+    cj.laws.BordbarHyppanen(STEEL, 1e6),
+    cj.laws.CarvalhoMartins(0.6, STEEL),
+    cj.laws.FloresKelvinVoigt(0.6, 1e8),
     of_cylinder("Liu"),
-    cj.ImpactFunction(STEEL, 50.0, 1e-5),
+    cj.laws.ImpactFunction(STEEL, 50.0, 1e-5),
     *(of_cylinder(name) for name in ["Pereira", "Persson", "Johnson", "Esdu", "Radzimovsky"]),
     *(of_cylinder(name) for name in ("DubowskyFreudenstein", "Goldsmith")),
 ]
@@ -201,15 +222,15 @@ def test_laws_conform(law):
 @pytest.mark.slow
 def test_an_unusable_law_conforms():
     with pytest.warns(cj.LawRangeWarning):
-        law = cj.PantWijeyewickrema(0.6, 1e8)
+        law = cj.laws.PantWijeyewickrema(0.6, 1e8)
     check_law(law)
 
 
 @pytest.mark.parametrize(
     "law",
     [
-        cj.KelvinVoigt(0.6, 1e8, 2.0),
-        pytest.param(cj.Ristow(STEEL, 50.0), marks=pytest.mark.slow),
+        cj.laws.KelvinVoigt(0.6, 1e8, 2.0),
+        pytest.param(cj.laws.Ristow(STEEL, 50.0), marks=pytest.mark.slow),
     ],
 )
 def test_laws_that_jump_say_so(law):
@@ -222,13 +243,17 @@ def test_kelvin_voigt_is_the_closed_form():
     """D = 2 z sqrt(K m); the force jumps to D times the entry speed, and never pulls."""
     ratio = -np.log(0.6) / np.hypot(np.pi, np.log(0.6))
     damping = 2 * ratio * np.sqrt(1e8 * 2.0)
-    gap = cj.Gap(jnp.array([-1e-9, 0.0, 1e-300, 1e-6, 1e-6]), jnp.array([0.1, 0.1, 0.1, 0.1, -1.0]))
+    gap = cj.extend.Gap(
+        jnp.array([-1e-9, 0.0, 1e-300, 1e-6, 1e-6]), jnp.array([0.1, 0.1, 0.1, 0.1, -1.0])
+    )
     expected = [0.0, 0.0, damping * 0.1, 100.0 + damping * 0.1, 0.0]
-    np.testing.assert_allclose(cj.KelvinVoigt(0.6, 1e8, 2.0).force(gap, None), expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        cj.laws.KelvinVoigt(0.6, 1e8, 2.0).force(gap, None), expected, rtol=1e-12
+    )
 
 
 def test_dashpots_tuned_to_a_stiffness_need_one():
     with pytest.raises(ValueError, match=r"`stiffness` must be a number.*JohnsonCylinder"):
-        cj.Tsuji(0.6, CYLINDER, 2.0)
+        cj.laws.Tsuji(0.6, CYLINDER, 2.0)
     with pytest.raises(ValueError, match=r"`smoothing` must be None with JohnsonCylinder"):
-        cj.LankaraniNikravesh(0.6, CYLINDER, smoothing=1e-7)
+        cj.laws.LankaraniNikravesh(0.6, CYLINDER, smoothing=1e-7)

@@ -13,7 +13,7 @@ from clearjoint.extend import FilmGap, Gap, Vector, unpack
 from clearjoint.testing import check_law, moving
 
 CLEARANCE = 50e-6
-FILM = cj.CaponeFilm(0.02)
+FILM = cj.films.CaponeFilm(0.02)
 DRY = cj.ClearanceJoint(
     "frame",
     "rotor",
@@ -22,7 +22,7 @@ DRY = cj.ClearanceJoint(
     bearing_radius=25e-3,
     clearance=CLEARANCE,
     journal_length=20e-3,
-    law=cj.LankaraniNikravesh(0.7, 1e10),
+    law=cj.laws.LankaraniNikravesh(0.7, 1e10),
 )
 JOINT = cj.LubricatedJoint(DRY, FILM, transition=1e-6)
 BETWEEN = cj.LubricatedJoint(DRY, FILM, transition=2.3e-6)
@@ -205,14 +205,14 @@ def test_a_bearing_beyond_the_films_range_is_warned_of():
         "ground", "rotor", bearing_radius=0.01, clearance=1e-5, journal_length=0.03, law=DRY.law
     )
     with pytest.warns(cj.LawRangeWarning, match="`ButenschoenFilm` holds for a width over diam"):
-        cj.LubricatedJoint(wide, cj.ButenschoenFilm(0.02), 1e-6)
+        cj.LubricatedJoint(wide, cj.films.ButenschoenFilm(0.02), 1e-6)
 
 
-def test_a_scene_tells_where_its_journal_and_film_are():
-    scene, state = cj.rotor_in_bearing(film=FILM, offset=(0.4, 0.0))
+def test_a_scene_provides_its_journal_and_film():
+    scene, state = cj.mechanisms.rotor_in_bearing(film=FILM, offset=(0.4, 0.0))
     assert isinstance(scene.joints["bearing"], cj.LubricatedJoint)
     cj.quantities.FilmForce("bearing").check(scene)
     cj.quantities.Eccentricity("bearing").check(scene)
     with pytest.raises(ValueError, match="`joint` must be one of the scene's"):
-        cj.quantities.FilmForce("bearing").check(cj.rotor_in_bearing()[0])
+        cj.quantities.FilmForce("bearing").check(cj.mechanisms.rotor_in_bearing()[0])
     assert state.bodies["rotor"].position[0] == pytest.approx(0.4 * CLEARANCE)

@@ -1,4 +1,4 @@
-"""The clearance as a massless link: rows, a pendulum of its length, and what it refuses."""
+"""Clearance as a massless link: rows, a pendulum of its length, and errors."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_a_journal_swings_like_a_pendulum_of_the_clearance():
 
 
 def test_shoulders_are_refused():
-    law = cj.Hertz(1e9)
+    law = cj.laws.Hertz(1e9)
     with pytest.raises(ValueError, match=r"`axial`.*EndPlay"):
         cj.MasslessLink("a", "b", clearance=1e-3, journal_length=0.1, axial=cj.EndPlay(1e-3, law))
     with pytest.raises(ValueError, match=r"`clearance`.*0\.0"):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import bricard, double_four_bar
 from clearjoint.fields.declarations import quantity
+from clearjoint.mechanisms import bricard, double_four_bar
 
 
-class PendulumRod(cj.AbstractConstraint):
-    """A massless rod from the origin to a body's centre of mass: a joint by a third party."""
+class PendulumRod(cj.extend.AbstractConstraint):
+    """A user-defined joint: a massless rod from the origin to a body's centre of mass."""
 
     body: str = eqx.field(static=True)
     length: Any = quantity("m")
@@ -26,7 +26,7 @@ class PendulumRod(cj.AbstractConstraint):
             apart = body[0] - ground[0]
             return (0.5 * (apart.dot(apart) - self.length**2),)
 
-        return cj.rows_from_residual(
+        return cj.extend.rows_from_residual(
             ("ground", self.body), ("length",), residual, motions["ground"], motions[self.body]
         )
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from clearjoint import (
+from clearjoint.extend import Gap
+from clearjoint.laws import (
     Flores2011,
-    Gap,
     Hertz,
     HuntCrossley,
     LankaraniNikravesh,

@@ -10,7 +10,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import (
-    Ambrosio,
     AppliedLoad,
     Baumgarte,
     Body,
@@ -19,15 +18,9 @@ from clearjoint import (
     DriveTorque,
     EndPlay,
     FixedJoint,
-    Flores2011,
-    Hertz,
-    HuntCrossley,
     InlineJoint,
-    LankaraniNikravesh,
     PrescribedRotation,
     PrismaticJoint,
-    RavnStiffness,
-    RegularisedCoulomb,
     RevoluteJoint,
     Scene,
     SphericalJoint,
@@ -36,6 +29,14 @@ from clearjoint import (
     assemble,
     body_state,
     simulate,
+)
+from clearjoint.frictions import Ambrosio, RegularisedCoulomb
+from clearjoint.laws import (
+    Flores2011,
+    Hertz,
+    HuntCrossley,
+    LankaraniNikravesh,
+    RavnStiffness,
 )
 
 NAN = float("nan")
@@ -315,7 +316,7 @@ CONSTRUCTION = {
         lambda: EndPlay(0.01, Hertz(RavnStiffness(2e11, 0.3))),
         "law",
         "RavnStiffness",
-        "given stiffness",
+        "explicit stiffness",
         "N/m^n",
     ),
     "play negative": (lambda: EndPlay(-0.01, Hertz(1)), "play", "-0.01", "zero or positive", "m"),
@@ -507,7 +508,7 @@ def test_bad_input_is_refused_with_a_message_that_helps(case):
     assert [word for word in words if word not in message] == [], message
 
 
-def test_what_is_no_number_is_refused():
+def test_values_that_are_not_numbers_are_refused():
     with pytest.raises(
         ValueError, match="`mass` must be a number.*'heavy': pass a float, .* in kg"
     ):

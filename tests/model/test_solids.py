@@ -1,4 +1,4 @@
-"""Bodies by measures, against integrals over slices; and orientations by axis and angle."""
+"""Bodies from dimensions, against integrals over slices; orientations from axis and angle."""
 
 import math
 import warnings
@@ -58,7 +58,7 @@ def test_spheres_are_those_of_their_slices():
 
 
 def test_boxes_are_put_together_of_smaller_ones():
-    """Two halves, each beside the centre: the parallel axes."""
+    """Two halves with the parallel axis theorem."""
     lengths = np.array([0.3, 0.2, 0.1])
     whole = cj.Body.box(lengths, density=2700.0)
     half = cj.Body.box(lengths * [0.5, 1, 1], density=2700.0)
@@ -91,7 +91,7 @@ def test_measures_may_be_design_variables():
     ("make", "message"),
     [
         (lambda: cj.Body.rod(0.4), "`mass`.*None.*densities.STEEL"),
-        (lambda: cj.Body.rod(0.4, density=STEEL), "`diameter` must be given beside a density"),
+        (lambda: cj.Body.rod(0.4, density=STEEL), "`diameter` must be given with a density"),
         (lambda: cj.Body.box((1, 1, 1), mass=1, density=1), r"`mass`.*\['mass', 'density'\]"),
         (lambda: cj.Body.rod(-1.0, mass=2.0), "`length` must be positive.*in m"),
         (lambda: cj.Body.rod(0.1, mass=2e3), "`mass`.*longer than thick.*diameter"),
@@ -107,7 +107,7 @@ def test_measures_may_be_design_variables():
         (lambda: cj.rotation((0, 0, 1), (1.0, 2.0)), "`angle`.*rad"),
     ],
 )
-def test_measures_that_nothing_has_are_refused(make, message):
+def test_invalid_dimensions_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 

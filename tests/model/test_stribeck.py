@@ -1,10 +1,16 @@
-"""Friction that falls from breakaway, and the further forms of Coulomb's: closed forms, limits."""
+"""Friction that falls from breakaway, and variants of Coulomb friction: closed forms, limits."""
 
 import jax
 import numpy as np
 import pytest
 
-from clearjoint import BengisuAkay, BrownMcPhee, LinearCoulomb, Stribeck, Threlfall
+from clearjoint.frictions import (
+    BengisuAkay,
+    BrownMcPhee,
+    LinearCoulomb,
+    Stribeck,
+    Threlfall,
+)
 from clearjoint.math.vectors import Vector, pack
 
 SLOW, FAST = 0.25, 0.15

@@ -1,6 +1,9 @@
 """Native code against XLA: each primitive on random numbers, NaN and infinities."""
 
+import pickle
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +16,7 @@ from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
 from clearjoint.native.cells import Cells
 from clearjoint.native.functions import NativeProgram
 from clearjoint.native.lanes import WIDTH, LaneLoop
-from clearjoint.native.lowering import LARGEST_TAKEN_APART
+from clearjoint.native.lowering import LARGEST_UNROLLED
 
 # No subnormal numbers, which XLA takes for zero.
 SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]
@@ -53,6 +56,11 @@ UNARY: dict[str, Callable] = {
         "stop_gradient",
     ]
 } | {
+    # Primitives of JAX 0.11 or 0.12, and later.
+    "one_minus_square": getattr(lax, "one_minus_square", lambda x: (1.0 + x) * (1.0 - x)),
+    "log2": jnp.log2,
+    "polynomial": lambda x: jnp.polyval(jnp.array([3.0, 0.5, 2.0]), x * x),
+    "constant polynomial": lambda x: jnp.polyval(jnp.array([3.0]), x),
     "round": lambda x: lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN),
     "round_away": lax.round,
     "fifth": lambda x: lax.integer_pow(x, 5),
@@ -95,10 +103,10 @@ BINARY: dict[str, Callable] = {
     "sorted before": lambda a, b: lax.lt_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
-    "not sorted behind": lambda a, b: lax.le_to_p.bind(
+    "not sorted after": lambda a, b: lax.le_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
-    "sorted alike": lambda a, b: lax.eq_to_p.bind(
+    "sorted as equal": lambda a, b: lax.eq_to_p.bind(
         jnp.where(a == 0, 0.0, a), jnp.where(b == 0, 0.0, b)
     ),
     "compare bools": lambda a, b: (a > 0.0) < (b > 0.0),
@@ -140,7 +148,7 @@ WHOLE: dict[str, Callable] = {
 
 
 def numbers(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two arrays in which all pairs of special numbers stand, if there is room, and others."""
+    """Return two arrays with all pairs of special numbers, if there is room, and random ones."""
     a, b = np.meshgrid(SPECIAL, SPECIAL)
     pairs = np.concatenate([[a.ravel(), b.ravel()], 3.0 * RANDOM.normal(size=(2, 100))], axis=1)
     chosen = RANDOM.permutation(pairs.shape[1])[:size] if size < pairs.shape[1] else slice(None)
@@ -173,11 +181,11 @@ def assert_same(found, expected, ulp=4):
 @pytest.mark.filterwarnings("ignore:.*encountered in")
 @pytest.mark.parametrize("size", [7, 269])
 def test_floats(size):
-    """Arrays taken apart, and arrays in memory."""
+    """Small arrays, whose elements are separate values, and arrays in memory."""
     a, b = numbers(size)
     a, b = a[:size], b[:size]
     with jax.debug_nans(False):
-        assert (len(a) > LARGEST_TAKEN_APART) == (size > 7)
+        assert (len(a) > LARGEST_UNROLLED) == (size > 7)
         expected = jax.jit(every)(a, b)
     assert_same(NativeFunction(every)(a, b), with_numpy(expected, a, b))
 
@@ -222,7 +230,7 @@ def test_lanes_have_the_bits_of_a_lane_alone():
     for k in range(WIDTH):
         own = {**state, "a": np.asarray(a[k]), "b": np.asarray(b[k])}
         (row,) = cells.rows(jax.tree.map(lambda leaf: leaf[None], own))
-        loop.put(columns, k, np.zeros(0), row)
+        loop.write_lane(columns, k, np.zeros(0), row)
     assert loop.run(columns) == 1
     all_found = cells.trees(columns.floats[loop.state_cells].T)
     for k in range(WIDTH):
@@ -243,7 +251,7 @@ def test_integers():
 
 
 def structural(x, y, table, k):
-    """Arrays from parts of others, by known and by computed places."""
+    """Rearranged, reduced and indexed arrays, at known and at computed indices."""
     return {
         "stack": jnp.stack([x, x + 1.0], axis=1),
         "concatenate": jnp.concatenate([x, y[:2]]),
@@ -264,7 +272,7 @@ def structural(x, y, table, k):
         "product": x.prod(),
         "smallest": jnp.outer(x, y).min(axis=1),
         "all": (x > -9.0).all(),
-        "smallest's place": jnp.argmin(jnp.outer(x, y), axis=0),
+        "index of the smallest": jnp.argmin(jnp.outer(x, y), axis=0),
         "padded within": lax.pad(x, 7.0, [(1, -1, 2)]),
         "cut": lax.pad(jnp.outer(x, y), 0.0, [(-1, 1, 0), (2, -2, 0)]),
         "split": jnp.split(jnp.outer(x, y), [1], axis=1)[1],
@@ -276,7 +284,7 @@ def structural(x, y, table, k):
         "repeated": jnp.expand_dims(x, (0, 2)) + jnp.zeros((2, 3, 2)),
         "small part": lax.dynamic_slice(x, (k + 1,), (2,)),
         "small part written": lax.dynamic_update_slice(x, y[:2], (k + 1,)),
-        "row from behind": lax.dynamic_index_in_dim(table, -1 - k, 0, keepdims=False),
+        "row from the end": lax.dynamic_index_in_dim(table, -1 - k, 0, keepdims=False),
         "at, clipped": x.at[jnp.array([7 + k, -9])].get(mode="clip"),
         "set": x.at[1].set(7.0),
         "added": x.at[jnp.array([0, 2])].add(y[:2]),
@@ -295,6 +303,7 @@ def structural(x, y, table, k):
         "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
         "searched": jnp.searchsorted(table[:, 0], y[0]),
         "iota": jnp.arange(100) * k,
+        "polynomials": jnp.polyval(jnp.outer(x, y)[:, :, None], y**2),
     }
 
 
@@ -308,7 +317,7 @@ def test_structure():
 
 @pytest.mark.parametrize("mode", ["clip", "fill"])
 def test_scatters_outside(mode):
-    """Windows that lie outside in part are dropped as a whole, or moved inside."""
+    """A window that lies partly outside is dropped as a whole, or moved inside."""
     numbers = lax.ScatterDimensionNumbers((0,), (), (0,))
 
     def scattered(x, k):
@@ -325,8 +334,8 @@ def test_scatters_outside(mode):
         }
 
     for k in ([0, 2, 2], [4, 1, -1], [-1, 9, -9], [9, 0, 4]):
-        x, places = np.arange(5.0), np.array(k)
-        assert_same(NativeFunction(scattered)(x, places), jax.jit(scattered)(x, places))
+        x, indices = np.arange(5.0), np.array(k)
+        assert_same(NativeFunction(scattered)(x, indices), jax.jit(scattered)(x, indices))
 
 
 def control(x, n, rows):
@@ -374,7 +383,7 @@ def test_loops_and_branches(x):
         assert_same(NativeFunction(control)(x, 15, rows), expected, ulp=64)
 
 
-def test_sines_and_cosines_are_right_to_a_unit_in_the_last_place():
+def test_sines_and_cosines_are_correct_to_a_unit_in_the_last_place():
     x = np.concatenate(
         [
             RANDOM.uniform(-10.0, 10.0, 500),
@@ -405,7 +414,7 @@ EXACT: dict[str, tuple[Callable, Callable, np.ndarray]] = {
 
 
 def assert_exact(found, exact, argument):
-    """To a unit in the last place, or to the number that is nearest if there is none so large."""
+    """Check a number to a unit in the last place, or to infinity if the exact one is too large."""
     if not np.isfinite(found):
         assert found == float(exact), (argument, found, exact)
         return
@@ -414,7 +423,7 @@ def assert_exact(found, exact, argument):
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_elementary_functions_are_right_to_a_unit_in_the_last_place(name):
+def test_elementary_functions_are_correct_to_a_unit_in_the_last_place(name):
     ours, exact, x = EXACT[name]
     x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh"))]
     x = x[(x > 0.0) | (name != "log")]
@@ -429,7 +438,7 @@ def test_elementary_functions_are_right_to_a_unit_in_the_last_place(name):
     assert np.array_equal(np.signbit(found)[:4], np.signbit(expected)[:4])
 
 
-def test_powers_are_right_to_a_unit_in_the_last_place():
+def test_powers_are_correct_to_a_unit_in_the_last_place():
     x = np.concatenate([SIZES, abs(NEAR_ONE), 10.0 ** RANDOM.uniform(-8, 3, 500)])
     y = RANDOM.normal(size=x.size) * 10.0 ** RANDOM.uniform(-3, 3, x.size)
     y[::3] = RANDOM.choice([1.5, -0.2, 1.0 / 3.0, 2.5, 10.0 / 9.0], y[::3].size)
@@ -448,3 +457,24 @@ def test_unknown_primitives_are_named():
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
     with pytest.raises(UnsupportedPrimitiveError, match="no elements"):
         NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
+
+
+def test_threads_may_load_a_program_at_once():
+    """As they do with a program that was kept on disk. A loop long enough that they are in it
+    together."""
+
+    def halved(x):
+        return lax.while_loop(
+            lambda now: now[0] < 1_000_000, lambda now: (now[0] + 1, 0.5 * now[1] + x), (0, x)
+        )[1]
+
+    kept = pickle.dumps(NativeProgram(jax.make_jaxpr(halved)(1.0)))
+    for _ in range(10):
+        program, begin = pickle.loads(kept), threading.Barrier(4)
+
+        def run(_, program=program, begin=begin):
+            begin.wait()
+            return program([1.0])[0]
+
+        with ThreadPoolExecutor(4) as threads:
+            assert list(threads.map(run, range(4))) == [2.0] * 4

@@ -1,4 +1,4 @@
-"""Jaxprs that are called several times, as functions of machine code."""
+"""Jaxprs that are called repeatedly, as functions of machine code."""
 
 import jax
 import jax.numpy as jnp
@@ -51,7 +51,7 @@ def derivatives(k, x, v):
     return jax.vmap(lambda d: jax.jvp(step, (k, x, v), tuple(d)))(basis)
 
 
-@pytest.fixture(params=["functions", "written out"])
+@pytest.fixture(params=["functions", "inlined"])
 def way(request, monkeypatch):
     size = 1 if request.param == "functions" else 10**9
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
@@ -63,7 +63,7 @@ def program(function, *arguments, tangents=None):
 
 
 @pytest.mark.parametrize(("function", "tangents"), [(run, 0), (derivatives, 3)])
-def test_functions_have_the_bits_of_what_is_written_out(function, tangents, monkeypatch):
+def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch):
     arguments = START
     found = {}
     for size in (1, 10**9):
@@ -78,7 +78,7 @@ def test_functions_have_the_bits_of_what_is_written_out(function, tangents, monk
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
 
 
-def test_what_no_call_changes_is_computed_once(monkeypatch):
+def test_invariants_of_all_calls_are_computed_once(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
     text = program(run, *START).text
     assert text.count("call void @f") == 4 + 3  # Calls of `rates`, and in it of `inner`.
@@ -87,7 +87,7 @@ def test_what_no_call_changes_is_computed_once(monkeypatch):
     assert "@llvm.sqrt.f64(double %" not in functions
 
 
-def test_lanes_that_leave_a_branch_keep_what_functions_gave(way):
+def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
     def turn(shared, own, state):
         k, (count, x, v) = own, state
         x, v = lax.cond(x < 0.4, lambda: step(k, x, v), lambda: (x - 0.3, v))
@@ -105,7 +105,9 @@ def test_lanes_that_leave_a_branch_keep_what_functions_gave(way):
         columns = loop.columns(())
         for lane in lanes:
             given = np.asarray(stiffness[lane])
-            loop.put(columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state))))
+            loop.write_lane(
+                columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state)))
+            )
         assert loop.run(columns) == 20
         return {lane: columns.floats[loop.state_cells, lane].copy() for lane in lanes}
 

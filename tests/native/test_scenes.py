@@ -20,13 +20,13 @@ SPEED = cj.quantities.Velocity("mass", "x")
 STATE = cj.State({"mass": cj.body_state((0.1, 0.0, 0.0))})
 
 
-def mass_on(*forces: cj.AbstractForce) -> cj.Scene:
+def mass_on(*forces: cj.extend.AbstractForce) -> cj.Scene:
     named = {f"force {k}": force for k, force in enumerate(forces)}
     return cj.Scene({"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, forces=named)
 
 
 def both(monkeypatch, call):
-    """A call in native code, which must not fall back, and by XLA."""
+    """Return results in native code, without fallback, and by XLA."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", NativeFallbackWarning)
         native = call()
@@ -38,7 +38,7 @@ def assert_close(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
 
 
-def test_a_spring_moves_as_by_xla(monkeypatch):
+def test_a_spring_moves_as_with_xla(monkeypatch):
     save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
     native, xla = both(
         monkeypatch, lambda: cj.simulate(mass_on(SPRING), STATE, 1.0, save=save, progress=False)
@@ -50,7 +50,7 @@ def test_a_spring_moves_as_by_xla(monkeypatch):
 
 
 def runs(*settings: cj.Settings, save: cj.Saving | None = None):
-    """A call that runs the spring with each of some settings."""
+    """Return a call that simulates the spring with each of the settings."""
 
     def call():
         for own in settings:
@@ -79,7 +79,7 @@ def differentiated():
 
 def inside_of_jit():
     def end(stiffness):
-        scene = cj.put(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
+        scene = cj.set_value(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
         run = cj.simulate(scene, STATE, 0.01, throw=False, progress=False)
         return run.final.bodies["mass"].position
 
@@ -111,21 +111,21 @@ CALLS = {
     "`sweep`": swept,
     "`sensitivities`": differentiated,
     "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
-        *cj.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
+        *cj.mechanisms.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
     ),
     "`observe`": lambda: observe()(),
-    "`free_impact`": lambda: cj.free_impact(cj.Hertz(1e6), 1.0, 0.1),
+    "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
     "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", native.__doc__, re.MULTILINE))
 
 
-def test_the_table_of_what_is_compiled_here_is_complete():
+def test_the_table_of_native_calls_is_complete():
     assert list(TABLE) == list(CALLS)
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
+def test_the_table_is_correct(name, monkeypatch):
     by_xla = []
 
     def recorded(self, *arguments, called=Compiled.__call__, **options):
@@ -151,8 +151,8 @@ def test_the_table_tells_what_compiles_a_call(name, monkeypatch):
     ],
     ids=["absolute", "Dopri8", "Heun", "ledger"],
 )
-def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
-    scene, state = cj.double_pendulum()
+def test_settings_give_the_same_motion_as_with_xla(settings, monkeypatch):
+    scene, state = cj.mechanisms.double_pendulum()
     native, xla = both(
         monkeypatch, lambda: cj.simulate(scene, state, 0.02, settings, progress=False)
     )
@@ -160,8 +160,8 @@ def test_settings_give_the_motion_that_xla_gives(settings, monkeypatch):
         assert_close(body.position, xla.final.bodies[name].position, 1e-9)
 
 
-class Eigenforce(cj.AbstractForce):
-    """A force by a decomposition that native code has no rule for."""
+class Eigenforce(cj.extend.AbstractForce):
+    """A force with a matrix decomposition, for which native code has no rule."""
 
     body: str
 
@@ -170,11 +170,13 @@ class Eigenforce(cj.AbstractForce):
 
     def wrenches(self, motions, t):
         least = jnp.linalg.eigvalsh(jnp.array([[2.0, t], [t, 2.0]]))[0]
-        return {self.body: motions[self.body].wrench(cj.Vector(least, 0.0, 0.0), extend.ZERO)}
+        return {
+            self.body: motions[self.body].wrench(cj.extend.Vector(least, 0.0, 0.0), extend.ZERO)
+        }
 
 
-def test_a_primitive_without_a_rule_is_named_once_and_left_to_xla():
-    """2 - t in the closed form."""
+def test_xla_compiles_a_primitive_without_a_rule_with_one_warning():
+    """The exact motion is 2 - t."""
     _reported.clear()
     with pytest.warns(NativeFallbackWarning, match=r"no native code for .*test_scenes.py") as seen:
         solution = cj.simulate(mass_on(Eigenforce("mass")), STATE, 0.5, progress=False)

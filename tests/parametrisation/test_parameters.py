@@ -1,4 +1,4 @@
-"""Parameters by place: listing, replacing, tying, and places that name nothing."""
+"""Paths of numbers: listing, replacing and tying numbers, and paths that lead to no number."""
 
 from typing import Any, ClassVar
 
@@ -10,12 +10,12 @@ import pytest
 import clearjoint as cj
 from clearjoint.fields.checks import recheck, recheck_changes
 from clearjoint.fields.declarations import quantity
-from clearjoint.parametrisation.places import unit_at
+from clearjoint.parametrisation.paths import unit_at
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return cj.double_pendulum()[0]
+    return cj.mechanisms.double_pendulum()[0]
 
 
 def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
@@ -28,42 +28,44 @@ def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
         assert eval(f"scene.{name}", {"scene": scene}) is value
 
 
-def test_units_of_places_in_scenes_and_states(scene):
-    state = cj.double_pendulum()[1]
+def test_units_of_numbers_in_scenes_and_states(scene):
+    state = cj.mechanisms.double_pendulum()[1]
     assert unit_at(scene, lambda s: s.bodies["arm 2"].mass) == "kg"
     assert unit_at(scene, lambda s: s.gravity[1]) == "m/s^2"
     assert unit_at(scene, lambda s: s.joints["shoulder"].law.restitution) == "1"
     assert unit_at(state, lambda s: s.bodies["arm 3"].spin[2]) == "rad/s"
 
 
-def test_put_replaces_one_number_and_shares_the_rest(scene):
-    changed = cj.put(scene, lambda s: s.joints["shoulder"].clearance, 1e-4)
+def test_set_value_replaces_one_number_and_shares_the_rest(scene):
+    changed = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-4)
     value = changed.joints["shoulder"].clearance
     assert isinstance(value, np.ndarray) and value.dtype == np.float64 and value == 1e-4
     assert changed.bodies["arm 2"].inertia is scene.bodies["arm 2"].inertia
     assert scene.joints["shoulder"].clearance == 5e-4
 
 
-def test_put_replaces_components_and_ties(scene):
-    changed = cj.put(scene, lambda s: s.gravity[1], 1.5)
+def test_set_value_replaces_components_and_ties(scene):
+    changed = cj.set_value(scene, lambda s: s.gravity[1], 1.5)
     np.testing.assert_array_equal(changed.gravity, [0.0, 1.5, 0.0])
     np.testing.assert_array_equal(scene.gravity, [0.0, 9.81, 0.0])
-    tied = cj.put(scene, lambda s: (s.bodies["arm 2"].mass, s.bodies["arm 3"].inertia[0]), 3.0)
+    tied = cj.set_value(
+        scene, lambda s: (s.bodies["arm 2"].mass, s.bodies["arm 3"].inertia[0]), 3.0
+    )
     assert tied.bodies["arm 2"].mass == tied.bodies["arm 3"].inertia[0] == 3.0
-    whole = cj.put(scene, lambda s: s.joints["elbow"].axis_first, (0.0, 1.0, 0.0))
+    whole = cj.set_value(scene, lambda s: s.joints["elbow"].axis_first, (0.0, 1.0, 0.0))
     np.testing.assert_array_equal(whole.joints["elbow"].axis_first, [0.0, 1.0, 0.0])
 
 
 def test_put_works_while_jax_traces(scene):
     def pull(x):
-        return cj.put(scene, lambda s: s.gravity[1], x).gravity
+        return cj.set_value(scene, lambda s: s.gravity[1], x).gravity
 
     np.testing.assert_array_equal(jax.jit(pull)(2.0), [0.0, 2.0, 0.0])
     np.testing.assert_array_equal(jax.jacfwd(pull)(2.0), [0.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize(
-    ("place", "said"),
+    ("path", "message"),
     [
         (lambda s: s.joints["knee"].clearance, "knee"),
         (lambda s: s.joints["shoulder"].gap, "gap"),
@@ -76,24 +78,24 @@ def test_put_works_while_jax_traces(scene):
         (lambda s: 9.81, "float"),
     ],
 )
-def test_places_that_name_no_number_are_refused(scene, place, said):
+def test_paths_that_lead_to_no_number_are_refused(scene, path, message):
     with pytest.raises(
-        ValueError, match=rf"`place` must be a function.*{said}.*parameters\((tree|scene)\)"
+        ValueError, match=rf"`path` must be a function.*{message}.*parameters\((tree|scene)\)"
     ):
-        cj.put(scene, place, 1.0)
+        cj.set_value(scene, path, 1.0)
 
 
 def test_values_and_components_that_do_not_fit_are_refused(scene):
     with pytest.raises(ValueError, match=r"`value`.*shape \(3,\).*is 1\.0"):
-        cj.put(scene, lambda s: s.gravity, 1.0)
-    with pytest.raises(ValueError, match=r"`place`.*\[3\].*shape \(3,\)"):
-        cj.put(scene, lambda s: s.gravity[3], 1.0)
+        cj.set_value(scene, lambda s: s.gravity, 1.0)
+    with pytest.raises(ValueError, match=r"`path`.*\[3\].*shape \(3,\)"):
+        cj.set_value(scene, lambda s: s.gravity[3], 1.0)
 
 
-class LawWithClassVariables(cj.Hertz):
-    """A law of one's own, with annotations that are no fields."""
+class LawWithClassVariables(cj.laws.Hertz):
+    """A user-defined law with annotations that are not fields."""
 
-    has_memory: ClassVar[bool] = False
+    uses_entry_speed: ClassVar[bool] = False
     exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)
     unset: ClassVar[float]
     floor: Any = quantity("m/s", default=1e-3)
@@ -107,11 +109,11 @@ def test_class_variables_are_no_parameters(scene):
     listed = cj.parameters(own)
     assert len(listed) == len(jax.tree.leaves(own))
     assert listed["joints['shoulder'].law.floor"] == (1e-3, "m/s")
-    changed = cj.put(own, lambda s: s.joints["shoulder"].law.floor, 2e-3)
+    changed = cj.set_value(own, lambda s: s.joints["shoulder"].law.floor, 2e-3)
     recheck(changed)
     recheck_difference(changed, own)
     with pytest.raises(ValueError, match="clearance"):
-        recheck_difference(cj.put(own, lambda s: s.joints["shoulder"].clearance, -1.0), own)
+        recheck_difference(cj.set_value(own, lambda s: s.joints["shoulder"].clearance, -1.0), own)
 
 
 def recheck_difference(tree, base):

@@ -1,4 +1,4 @@
-"""What tests of figures share."""
+"""Fixtures of the tests of figures."""
 
 import matplotlib.pyplot as plt
 import pytest
@@ -20,7 +20,7 @@ def tumbling():
 
 @pytest.fixture(scope="module")
 def turning(tumbling):
-    """What is seen of a journal that runs round in a bearing, its states, and the bearing's
-    rotations."""
+    """Observation of a journal that moves around its bearing, its states, and the rotations of the
+    bearing."""
     scene, solution, rotations = tumbling
     return cj.observe(scene, solution), solution.saved, rotations

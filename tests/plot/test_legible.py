@@ -1,4 +1,4 @@
-"""What makes pictures legible: smooth paths, scales that show all, no curve below another."""
+"""Legibility of figures: smooth paths, suitable scales, no hidden curves."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ def flight(times: np.ndarray) -> cj.State:
 
 def test_free_flight_inside_a_step_is_a_parabola_and_spins_on():
     ends = np.array([0.0, 0.01, 0.013, 0.013, 0.04])
-    steps = cj.Trajectory(ends, flight(ends))
+    steps = cj.results.Trajectory(ends, flight(ends))
     wanted = np.linspace(0.0, 0.04, 37)
     found = steps.between(wanted).states.bodies["ball"]
     exact = flight(wanted).bodies["ball"]
@@ -50,18 +50,18 @@ def test_free_flight_inside_a_step_is_a_parabola_and_spins_on():
     with pytest.raises(ValueError, match="`times` must be between"):
         steps.between([0.0, 0.05])
     with pytest.raises(ValueError, match="two states of the trajectory or more"):
-        cj.Trajectory(ends[:1], flight(ends[:1])).between()
+        cj.results.Trajectory(ends[:1], flight(ends[:1])).between()
 
 
 def test_steps_are_divided_where_bodies_move_in_curves():
     ends = np.array([0.0, 0.02, 0.02 + 1e-5, 0.02 + 2e-5])
-    dense = cj.Trajectory(ends, flight(ends)).between()
+    dense = cj.results.Trajectory(ends, flight(ends)).between()
     assert set(ends) <= set(dense.times.tolist())
     assert np.diff(dense.times).max() <= 0.05 / 30.0 * (1.0 + 1e-9)
     assert len(dense) == 12 + 4 + 3  # 16 parts by the bend, and the short steps as they are
 
 
-def in_flight(tumbling, times) -> cj.Trajectory:
+def in_flight(tumbling, times) -> cj.results.Trajectory:
     """The journal thrown in a bearing at rest, from its middle to the wall."""
     states = tumbling.solution.saved.states.bodies
     still, count = np.zeros((len(times), 3)), len(times)
@@ -72,7 +72,7 @@ def in_flight(tumbling, times) -> cj.Trajectory:
     t = times[:, None]
     centre = np.array([0.2, -0.1, 0.3]) + velocity * t + 0.5 * bend * t**2
     journal = cj.BodyState(centre, bearing.orientation, velocity + bend * t, still)
-    return cj.Trajectory(times, cj.State({"bearing": bearing, "journal": journal}))
+    return cj.results.Trajectory(times, cj.State({"bearing": bearing, "journal": journal}))
 
 
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
@@ -95,15 +95,15 @@ def test_a_report_draws_a_flight_between_two_steps_as_a_curve(tumbling):
     assert orbit.get_legend_handles_labels()[1][0] == "bases V and W"
 
 
-def alike(seen: cj.Observation) -> cj.Observation:
-    """Both bases do what base V does."""
+def alike(seen: cj.results.Observation) -> cj.results.Observation:
+    """Both bases move as base V does."""
     return eqx.tree_at(lambda s: s.contacts["pin"]["W"], seen, seen.contacts["pin"]["V"])
 
 
 DEPTHS = 1e-6 * np.array([1.0, 2.0, 3.0, 2.0, 1.5])
 
 
-def test_bases_that_do_the_same_are_one_curve_that_says_so():
+def test_bases_that_move_alike_share_a_curve():
     seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
     for draw in (plot.journal_orbit, plot.eccentricities, plot.contact_forces):
         axes = draw(seen, "pin")
@@ -118,7 +118,7 @@ def test_bases_that_do_the_same_are_one_curve_that_says_so():
     assert max(bar.get_height() for bar in bars) == pytest.approx(3.0)
 
 
-def test_a_journal_at_the_wall_shows_how_deep_it_is():
+def test_a_journal_at_the_wall_shows_its_penetration():
     seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
     axes = plot.eccentricities(seen, "pin")
     assert labels(axes)[1] == "eccentricity − clearance, µm"
@@ -129,7 +129,7 @@ def test_a_journal_at_the_wall_shows_how_deep_it_is():
 
 
 @pytest.mark.parametrize(("first", "scale"), [(1000.0, "log"), (12.0, "linear")])
-def test_small_forces_are_seen_beside_a_large_one(first, scale):
+def test_small_forces_are_visible_despite_a_large_one(first, scale):
     force = np.array([0.0, first, 0.0, 10.0, 0.0, 9.0, 0.0, 11.0, 0.0, 10.0, 0.0])
     seen = seen_contact(1e-7 * force - 1e-9, np.zeros(11), force)
     axes = plot.contact_forces(seen, "pin")
@@ -142,30 +142,30 @@ def test_small_forces_are_seen_beside_a_large_one(first, scale):
     assert plot.joint_forces(seen, logarithmic=True).get_yscale() == "log"
 
 
-def test_steady_contact_after_one_large_impact_is_seen():
+def test_steady_contact_after_a_large_impact_is_visible():
     force = np.r_[0.0, 500.0, np.full(20, 2.0)]
     seen = seen_contact(1e-8 * force, np.zeros(22), force)
     assert plot.contact_forces(seen, "pin").get_yscale() == "log"
 
 
-def test_impacts_that_both_bases_have_alike_are_one_row():
+def test_equal_impacts_of_both_bases_share_a_row():
     row = (0.01, 0.0101, 1e-4, 0.1, 0.09, 100.0, 0.0, 1e-6)
     later = (0.02, 0.0201, 1e-4, 0.1, 0.09, 90.0, 0.0, 1e-6)
     stronger = (0.02, 0.0201, 1e-4, 0.1, 0.09, 95.0, 0.0, 1e-6)
     rows = [("pin", "W", *row), ("pin", "V", *row), ("pin", "V", *later), ("pin", "W", *stronger)]
-    found = impact_rows(cj.Impacts.of_rows([*rows, ("other", "V", *row)]), 8)
+    found = impact_rows(cj.results.Impacts.of_rows([*rows, ("other", "V", *row)]), 8)
     assert sorted(cells[:2] for cells in found) == [
         ["other", "V"], ["pin", "V"], ["pin", "V and W"], ["pin", "W"]
     ]  # fmt: skip
 
 
-def crossed() -> tuple[cj.Crossings, cj.Section]:
+def crossed() -> tuple[cj.results.Crossings, cj.Section]:
     channels = {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m")}
     values = {"x": CLEARANCE * np.cos(TIMES), "y": CLEARANCE * np.sin(TIMES)}
-    return cj.Crossings(TIMES, values), cj.Section(lambda now: now.time, channels, 99)
+    return cj.results.Crossings(TIMES, values), cj.Section(lambda now: now.time, channels, 99)
 
 
-def test_a_section_has_equal_scales_a_circle_a_bar_and_no_transient_if_wished():
+def test_a_section_has_equal_scales_circle_colour_bar_and_no_transient():
     crossings, section = crossed()
     axes = plot.poincare_section(crossings, section, clearance=CLEARANCE, after=0.03)
     assert labels(axes) == ("x, µm", "y, µm") and axes.get_aspect() == 1.0

@@ -1,4 +1,4 @@
-"""Figures of motion, contact forces and orbits, from states made by hand."""
+"""Figures of motion, contact forces and orbits of artificial states."""
 
 import equinox as eqx
 import numpy as np
@@ -12,7 +12,7 @@ AROUND = slice(9, 31)
 """Instants in the window, and one on each side."""
 
 
-def test_the_orbit_of_a_bearing_that_moves_is_seen_from_the_bearing(turning):
+def test_the_orbit_in_a_moving_bearing_is_relative_to_the_bearing(turning):
     seen, _, rotations = turning
     offset = seen.contacts["pin"]["V"].offset
     np.testing.assert_allclose(offset[:, 2], -10e-3, atol=1e-12)
@@ -83,6 +83,6 @@ def test_motion_takes_a_window(turning, draw):
         (lambda s, t: plot.acceleration({"": s}, "arm"), r"`body` must be one of those observed"),
     ],
 )
-def test_wrong_names_are_told(turning, call, message):
+def test_wrong_names_are_refused(turning, call, message):
     with pytest.raises(ValueError, match=message):
         call(*turning[:2])

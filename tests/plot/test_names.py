@@ -1,4 +1,4 @@
-"""Names of any characters, through every picture and file."""
+"""Names with any characters, in all figures and files."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ CHANNELS = ("$x^$ 50% _Größe 轴", "$x^$" * 50)
 
 @pytest.fixture(scope="module")
 def renamed(tumbling):
-    """A journal in two bearings at one place, and its motion."""
+    """A journal in two bearings at the same position, and its motion."""
     scene, solution, _ = tumbling
     names = dict(zip(("bearing", "journal"), BODIES, strict=True))
     pin = scene.joints["pin"]
@@ -33,13 +33,13 @@ def renamed(tumbling):
         for k, name in enumerate(JOINTS, 1)
     ]
     final = cj.State({name: cj.body_state((0.0, 0.0, 0.0)) for name in BODIES})
-    solution = solution_of(cj.Trajectory(TIMES, states), cj.Impacts.of_rows(rows))
+    solution = solution_of(cj.results.Trajectory(TIMES, states), cj.results.Impacts.of_rows(rows))
     solution = dataclasses.replace(solution, final=final)
     return scene, solution, cj.observe(scene, solution)
 
 
 def drawn(figure) -> list[str]:
-    """What a figure says, once it is drawn: mathematics that can't be read would be an error."""
+    """The texts of a drawn figure; invalid mathematics would raise an error."""
     figure.canvas.draw()
     return [text.get_text() for text in figure.findobj(plt.Text)]
 
@@ -105,10 +105,10 @@ def test_channels_and_sensors_take_any_name(name, tmp_path):
         lambda now: now.time, {name: (lambda now: now.time, "m"), "z": (lambda now: 0.0, "m/s")}, 9
     )
     values = {name: 1e-3 * np.arange(1, 4), "z": 2.0 * np.arange(1, 4)}
-    crossings = cj.Crossings(TIMES[:3], values)
+    crossings = cj.results.Crossings(TIMES[:3], values)
     drawn(plot.poincare_section(crossings, section).figure)
     rows = np.ones((len(TIMES), 2))
-    found = cj.Sensitivities(
+    found = cj.results.Sensitivities(
         (name, "mass"), TIMES, {name: TIMES}, {name: rows}, 0.1, cj.RESULTS.successful, 2, 1,
         units={name: "m"}, scales=(name, "mass"),
     )  # fmt: skip
@@ -125,8 +125,8 @@ def test_channels_and_sensors_take_any_name(name, tmp_path):
 
 
 def test_a_variable_without_a_name_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="`name` must be one character at least"):
-        cj.Crossings(TIMES[:1], {"": TIMES[:1]}).to_netcdf(tmp_path / "out.nc")
+    with pytest.raises(ValueError, match="`name` must be at least one character"):
+        cj.results.Crossings(TIMES[:1], {"": TIMES[:1]}).to_netcdf(tmp_path / "out.nc")
 
 
 def test_pictures_of_a_sweep_and_a_fit_take_any_name():

@@ -1,4 +1,4 @@
-"""Pictures of motions made by hand: what is drawn, against closed forms, with its units."""
+"""Figures of artificial motions: drawn values against closed forms, and units."""
 
 import equinox as eqx
 import matplotlib.pyplot as plt
@@ -19,8 +19,8 @@ def labels(axes) -> tuple[str, str]:
     return axes.get_xlabel(), axes.get_ylabel()
 
 
-def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
-    """An observation of one base at even times, pressed at an angle; the other one flies."""
+def seen_contact(penetration, rate, force, angle=0.0) -> cj.results.Observation:
+    """An observation of one base at equal intervals, in contact at an angle; the other is free."""
     count = len(penetration)
     times = np.linspace(0.0, 1e-3 * (count - 1), count)
     angle = np.broadcast_to(angle, (count,))
@@ -34,7 +34,7 @@ def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
         return ContactObservation(*parts)
 
     flying = base(np.full(count, -1e-4), np.zeros(count), np.zeros(count))
-    return cj.Observation(
+    return cj.results.Observation(
         times=times,
         contacts={"pin": {"V": base(penetration, np.asarray(force), rate), "W": flying}},
         modes={},
@@ -47,18 +47,18 @@ def seen_contact(penetration, rate, force, angle=0.0) -> cj.Observation:
     )
 
 
-ContactObservation = cj.Observation.__annotations__["contacts"].__args__[1].__args__[1]
+ContactObservation = cj.results.Observation.__annotations__["contacts"].__args__[1].__args__[1]
 ROUGH = np.array([-1, 1, 3, 2, -1, -1, 2, 4, 3, 2, 3, 2, -1, 1])
-"""µm: flight, a hump, flight, a hump from whose foot a second one rises, flight, a begin."""
+"""Penetration, µm: flight, a single maximum, flight, two maxima in one contact, flight, a start."""
 RISING = np.array([1, 1, 1, -1, -1, 1, 1, 1, -1, -1, 1, -1, -1, 1])
 FREE, IMPACT, FOLLOWING = plot.ContactPhase
 
 
-def rough() -> cj.Observation:
+def rough() -> cj.results.Observation:
     return seen_contact(1e-6 * ROUGH, 1e-3 * RISING, np.maximum(ROUGH, 0) * 1e4)
 
 
-def test_a_contact_that_does_not_end_as_one_impact_is_followed_from_its_deepest_on():
+def test_contacts_with_several_maxima_are_following_after_the_first():
     expected = [FREE, *[IMPACT] * 3, *[FREE] * 2, *[IMPACT] * 2, *[FOLLOWING] * 4, FREE, IMPACT]
     assert plot.contact_phases(rough(), "pin").tolist() == expected
     lying = seen_contact(np.full(3, 1e-6), np.zeros(3), np.ones(3))
@@ -99,7 +99,7 @@ def test_forces_are_drawn_over_time():
     assert len(set(styles)) == 2 and len({style for _, style in styles}) == 2
 
 
-def test_a_window_late_in_a_long_run_is_in_the_unit_that_suits_it():
+def test_a_late_window_has_a_suitable_unit():
     long = rough()
     long = eqx.tree_at(lambda seen: seen.times, long, 1e3 * long.times)
     whole, part = (plot.contact_forces(long, "pin", window=span) for span in (None, (0.1, 1.2)))
@@ -113,20 +113,20 @@ def test_a_window_late_in_a_long_run_is_in_the_unit_that_suits_it():
         assert (axes.get_xlabel(), axes.get_xlim()) == ("time, ms", (100.0, 1200.0))
 
 
-def test_the_loop_has_the_area_of_the_energy_lost():
+def test_the_area_of_the_loop_is_the_dissipated_energy():
     turn = np.linspace(-np.pi, np.pi, 2001)
     depth, force = 5e-6 * (1.0 + np.cos(turn)), 400.0 * (1.0 + np.cos(turn) - 0.2 * np.sin(turn))
     seen = seen_contact(depth, np.zeros(2001), force)
     rows = [("pin", "V", 0.0, 2.0, 2.0, 0.1, 0.1, 800.0, 1.0, 1e-5)]
-    impacts = cj.Impacts.of_rows(rows)
+    impacts = cj.results.Impacts.of_rows(rows)
     axes = plot.hysteresis(seen, impacts)
     assert labels(axes) == ("penetration, µm", "contact force, N")
     area = np.pi * 5e-6 * 400.0 * 0.2
     assert plot.enclosed_energy(seen, impacts, 0) == pytest.approx(area, rel=1e-5)
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
-    with pytest.raises(ValueError, match="`impacts` must be one impact at least"):
+    with pytest.raises(ValueError, match="`impacts` must be at least one impact"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
-    with pytest.raises(ValueError, match="`observation` must be of three instants or more"):
+    with pytest.raises(ValueError, match="`observation` must be of three or more instants"):
         plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
 
 
@@ -162,25 +162,25 @@ def test_directions_of_contact_add_up_to_the_impulse():
         (lambda s: plot.contact_forces(s, "pinn"), "`joint` must be one of those"),
     ],
 )
-def test_wrong_arguments_are_told(call, message):
+def test_wrong_arguments_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call(rough())
 
 
 def test_a_scene_without_contacts_has_no_timeline():
-    seen = cj.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
+    seen = cj.results.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
     for draw in (plot.motion_timeline, plot.joint_forces):
         with pytest.raises(ValueError, match="`observation` must be of a scene with contacts"):
             draw(seen)
 
 
-def energies(**more) -> cj.Observation:
+def energies(**more) -> cj.results.Observation:
     stored = {"kinetic": 3.0 * TIMES, "gravity": 5.0 - 9.0 * TIMES, "contacts": 0.5 * TIMES}
     whole = stored | {"springs": 0.5 * TIMES, "mechanical": 5.0 - 5.0 * TIMES} | more
-    return cj.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
+    return cj.results.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
 
 
-def test_the_ledger_shows_where_energy_goes_and_its_drift():
+def test_the_ledger_has_energies_and_drift():
     ledger = {"normal damping": 2.0 * TIMES, "friction": 4.0 * TIMES, "supplied": 1.1 * TIMES}
     above, below = plot.energy_ledger(energies(**ledger))
     drawn = {line.get_label(): line.get_ydata()[-1] for line in above.get_lines()}
@@ -198,14 +198,14 @@ def test_the_ledger_shows_where_energy_goes_and_its_drift():
     assert len({line.get_linestyle() for line in above.get_lines()}) >= 4
 
 
-def test_without_a_ledger_the_change_of_the_mechanical_energy_is_shown():
+def test_without_a_ledger_the_change_of_the_mechanical_energy_is_drawn():
     _, below = plot.energy_ledger(energies())
     assert below.get_ylabel() == "mechanical,\nsince start, mJ"
     assert below.get_lines()[0].get_ydata()[-1] == pytest.approx(-300.0)
 
 
 def record(amplitude, cycles, count=400, end=0.2) -> xr.DataArray:
-    """A harmonic of so many cycles in the record, about a mean of 3."""
+    """A harmonic with some cycles in the record, about a mean of 3."""
     times = end * np.arange(count) / count
     values = 3.0 + amplitude * np.cos(2.0 * np.pi * cycles * times / end + 0.3)
     return xr.DataArray(values, {"time": times}, ("time",), "velocity", {"units": "m/s"})
@@ -238,7 +238,7 @@ def test_unequal_intervals_have_no_spectrum():
     uneven = record(1.0, 5).assign_coords(time=np.geomspace(1e-3, 1.0, 400))
     with pytest.raises(ValueError, match="equal intervals of time, but is 'intervals from.*linsp"):
         plot.spectrum_of(uneven)
-    with pytest.raises(ValueError, match="`record` must be 4 samples or more"):
+    with pytest.raises(ValueError, match="`record` must be at least 4 samples"):
         plot.amplitude_spectrum(record(1.0, 1, count=3))
 
 
@@ -270,7 +270,7 @@ def swept() -> xr.Dataset:
     )
 
 
-def test_wear_stands_in_its_sectors():
+def test_wear_is_drawn_in_its_sectors():
     lane = swept().isel(clearance=0)
     axes = plot.wear(lane, "wear")
     assert axes.get_xlabel() == "worn volume, 10³ µm³"
@@ -284,11 +284,13 @@ def test_wear_stands_in_its_sectors():
         plot.wear(swept(), "wear")
 
 
-def test_a_section_is_drawn_of_a_run_and_of_a_lane():
+def test_sections_of_a_run_and_of_a_lane():
     section = cj.Section(
         lambda now: now.time, {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m/s")}, 9
     )
-    crossings = cj.Crossings(TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)})
+    crossings = cj.results.Crossings(
+        TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)}
+    )
     for axes in (
         plot.poincare_section(crossings, section),
         plot.poincare_section_of_lane(swept().isel(clearance=0), "top", ("x", "y")),
@@ -300,7 +302,7 @@ def test_a_section_is_drawn_of_a_run_and_of_a_lane():
         plot.poincare_section(crossings, section, ("x", "z"))
 
 
-def test_an_orbit_takes_its_circle_from_what_was_observed(turning):
+def test_an_orbit_has_the_observed_clearance(turning):
     seen, _, _ = turning
     axes = plot.journal_orbit(seen, "pin")
     circle = axes.get_lines()[-1].get_data()
@@ -318,7 +320,7 @@ def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
     position[:, 1], velocity[:, 1] = 3.0 * times - 5.0 * times**2, 3.0 - 10.0 * times
     states = cj.State({"ball": cj.BodyState(position, upright, velocity, still)})
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, gravity=(0.0, -10.0, 0.0))
-    solution = solution_of(cj.Trajectory(times, states))
+    solution = solution_of(cj.results.Trajectory(times, states))
     axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "y"))
     assert labels(axes) == ("position of ball y, mm", "rate of position of ball y, m/s")
     x, y = axes.get_lines()[0].get_data()
@@ -330,13 +332,13 @@ def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
         plot.series(scene, solution, cj.quantities.Position("bell", "y"))
 
 
-def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumbling, tmp_path):
+def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
     scene, solution, _ = tumbling
     rows = [
         ("pin", "V", 0.01 * k, 0.01 * k + 1e-3, 1e-3, 0.1, 0.09, 10.0 * k, 0.0, 1e-6)
         for k in range(1, 11)
     ]
-    solution = solution_of(solution.saved, cj.Impacts.of_rows(rows))
+    solution = solution_of(solution.saved, cj.results.Impacts.of_rows(rows))
     settings = cj.Settings(rtol=1e-7)
     page = plot.report(scene, solution, tmp_path / "page.png", title="Round", settings=settings)
     assert (tmp_path / "page.png").stat().st_size > 50_000
@@ -359,7 +361,7 @@ def test_a_page_has_words_orbits_forces_modes_energies_lines_and_impacts(tumblin
     assert "20.0" not in texts  # of ten impacts the eight largest
     orbit = next(axes for axes in page.findobj(plt.Axes) if axes.get_title() == "pin: orbit")
     assert orbit.get_aspect() == 1.0
-    with pytest.raises(ValueError, match=r"`file` must be with the ending .png or .pdf"):
+    with pytest.raises(ValueError, match=r"`file` must be with the suffix .png or .pdf"):
         plot.report(scene, solution, tmp_path / "page.doc")
 
 

@@ -1,4 +1,4 @@
-"""Figures of sweeps: names, units, scales, and lanes that failed, from a data set made by hand."""
+"""Figures of sweeps: names, units, scales, and failed lanes of an artificial data set."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_against_has_units_points_and_crosses():
     assert crosses.get_color() == points.get_color()
 
 
-def test_four_on_one_axes_differ_in_colour_and_text():
+def test_four_outputs_in_one_axes_differ_in_colour_and_label():
     data, axes = dataset().drop_sel(clearance=CLEARANCES[[2, 5]]), None
     for restitution in RESTITUTIONS[:4]:
         axes = plot.against(data.sel(restitution=restitution), "peak_force", axes=axes)
@@ -76,7 +76,7 @@ def test_four_on_one_axes_differ_in_colour_and_text():
     assert legend(axes)[-1] == "last" and axes.get_lines()[-1].get_color() == "k"
 
 
-def test_what_is_added_keeps_the_units_that_are_drawn():
+def test_further_outputs_keep_the_units_of_the_axes():
     data = failing()
     data["mean_force"] = (1e4 * data["peak_force"]).assign_attrs(units="N")
     data["energy"] = data["peak_force"].assign_attrs(units="J")
@@ -85,7 +85,7 @@ def test_what_is_added_keeps_the_units_that_are_drawn():
     assert labels(axes) == ("clearance, mm", "peak force, mean force, N")
     drawn = [line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "o"]
     assert drawn[1] == pytest.approx(1e4 * drawn[0])
-    with pytest.raises(ValueError, match="unit is that of 'peak force, mean force, N', but is 'J'"):
+    with pytest.raises(ValueError, match="the unit of 'peak force, mean force, N', but is 'J'"):
         plot.against(data, "energy", axes=axes)
     two = plot.convergence(data, "peak_force")
     plot.convergence(data, "mean_force", axes=two)
@@ -130,14 +130,14 @@ def test_against_a_zipped_sweep():
         plot.against(data, "peak_force")
 
 
-def test_running_median_leaves_gaps_out():
-    places = np.array([4.0, 1.0, 2.0, 3.0, 5.0])
+def test_running_median_omits_gaps():
+    positions = np.array([4.0, 1.0, 2.0, 3.0, 5.0])
     values = np.array([40.0, 10.0, np.nan, 90.0, 50.0])
-    middle, height = plot.running_median(places, values, 3)
+    middle, height = plot.running_median(positions, values, 3)
     assert middle.tolist() == [3.0, 4.0]
     assert height.tolist() == [40.0, 50.0]
     with pytest.raises(ValueError, match="width"):
-        plot.running_median(places, values, 5)
+        plot.running_median(positions, values, 5)
 
 
 def test_map_shows_units_and_failures():
@@ -167,7 +167,7 @@ def test_bifurcation_has_a_dot_for_each_crossing():
     assert legend(axes) == ["failed or pending: 1"]
 
 
-def test_bifurcation_tells_the_number_of_the_crossing():
+def test_bifurcation_shows_the_number_of_the_crossing():
     axes = plot.bifurcation(dataset().isel(restitution=0), "hit", "speed", number=True)
     (dots,) = axes.collections
     assert sorted(set(dots.get_array().tolist())) == [1, 2, 3, 4]
@@ -207,6 +207,6 @@ def test_orbit_lies_in_the_clearance_circle():
         (lambda data: plot.parameter_map(data, "hit_speed", "clearance", "restitution"), "select"),
     ],
 )
-def test_errors_name_what_is_there(call, message):
+def test_errors_list_the_known_names(call, message):
     with pytest.raises(ValueError, match=message):
         call(dataset())

@@ -10,7 +10,7 @@ from scipy import signal
 import clearjoint as cj
 from clearjoint import quantities as q
 from clearjoint.dynamics.constraint_report import constraint_report
-from clearjoint.parametrisation.places import value_at
+from clearjoint.parametrisation.paths import value_at
 
 FREQUENCY, GRAVITY = 120.0, 9.81
 TURN = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))
@@ -25,7 +25,7 @@ def mass_in_bearing(**state):
         bearing_radius=10e-3,
         clearance=0.3e-3,
         journal_length=20e-3,
-        law=cj.Hertz(1e8),
+        law=cj.laws.Hertz(1e8),
         axial=cj.FixedAxially(),
     )
     body = cj.Body(7.0, (1e-2, 1e-2, 1e-2))
@@ -58,7 +58,7 @@ def test_it_starts_on_its_body_deflected_by_gravity():
     assert reading.unit == "m/s^2" and reading == q.AccelerometerReading("mass accelerometer")
 
 
-def test_sensors_have_names_of_their_own_and_no_machine_is_warned_of():
+def test_sensor_names_are_unique_and_usual_values_cause_no_warning():
     scene, state = mass_in_bearing()
     with warnings.catch_warnings(action="error"):
         for name in ("near", "far"):
@@ -82,7 +82,7 @@ MISTAKEN = {
 
 
 @pytest.mark.parametrize("case", MISTAKEN)
-def test_what_no_sensor_can_have_is_told(case):
+def test_invalid_sensors_are_refused(case):
     changed, message = MISTAKEN[case]
     with pytest.raises(ValueError, match=message):
         with_sensor(**changed)
@@ -113,8 +113,8 @@ def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differenc
     def run(changes):
         changed = scene
         for name, factor in changes.items():
-            place = PARAMETERS[name].variation.place
-            changed = cj.put(changed, place, factor * value_at(scene, place))
+            place = PARAMETERS[name].variation.path
+            changed = cj.set_value(changed, place, factor * value_at(scene, place))
         return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
 
     found = run({})

@@ -11,11 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint import CRANK_LENGTH, ROD_LENGTH
 from clearjoint import quantities as q
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import structured, unpack
+from clearjoint.math.vectors import fold_constants, unpack
+from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
 from clearjoint.quantities.instant import Instant
 
 JOINT = Formulation(cj.JointCoordinates())
@@ -25,9 +25,9 @@ ANGLE, SPIN, LENGTH, MASS, GRAVITY = 2.5, 3.0, 0.8, 1.7, 9.81
 
 def instant(scene, state):
     """The scene at a state, in joint coordinates, at time zero."""
-    scene = unpack(structured(scene))
+    scene = unpack(fold_constants(scene))
     variables = JOINT.coordinates.encode(scene, unpack(state.bodies))
-    return Instant(System(scene, JOINT), 0.0, variables, state.memory, {})
+    return Instant(System(scene, JOINT), 0.0, variables, state.entry_speeds, {})
 
 
 def turned(angle):
@@ -127,9 +127,9 @@ def test_moment_of_a_fixed_joint_is_that_of_the_weight_beside_it():
     assert q.ReactionMoment("wall", "beam", axes="body")(now) == pytest.approx(moment)
 
 
-def test_load_of_a_joint_with_clearance_is_what_its_journal_feels():
-    """Mass times acceleration of the outer arms is what all joints and gravity do to them."""
-    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+def test_reaction_of_a_clearance_joint_is_the_force_on_its_journal():
+    """Mass times acceleration of the outer arms equals the forces of all joints and gravity."""
+    scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
     now, weight = instant(scene, state), np.array([float(x) for x in np.ravel(scene.gravity)])
     arm = scene.bodies["arm 2"]
     acceleration = np.array(vector(q.Acceleration, now, "arm 2"))
@@ -176,7 +176,7 @@ def test_angle_about_a_slanted_axis_is_that_of_the_projection():
 
 
 def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
-    """About an axis that both frames see differently."""
+    """About an axis with different components in the two frames."""
     axis, here = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([0.6, 0.0, -0.8])
     across = np.cross(here, axis)
     shortest = Rotation.from_rotvec(across / np.linalg.norm(across) * math.acos(here @ axis))
@@ -215,20 +215,22 @@ def test_joint_angle_is_zero_for_parallel_frames(axis):
 
 
 def test_joint_angles_of_the_slider_crank():
-    scene, state = cj.slider_crank(angle=1.0)
+    scene, state = cj.mechanisms.slider_crank(angle=1.0)
     rod = -math.asin(CRANK_LENGTH * math.sin(1.0) / ROD_LENGTH)
     now = instant(scene, state)
     expected = {"motor": 1.0, "crank bearing": 1.0, "crank pin": rod - 1.0, "slider pin": rod}
     found = {name: float(q.JointAngle(name)(now)) for name in expected}
     assert found == pytest.approx(expected, abs=1e-12)
-    driven, _ = cj.slider_crank(angle=1.0, motor=cj.DriveTorque("ground", "crank", (0, 0, 1), 2.0))
+    driven, _ = cj.mechanisms.slider_crank(
+        angle=1.0, motor=cj.DriveTorque("ground", "crank", (0, 0, 1), 2.0)
+    )
     assert q.JointAngle("motor")(instant(driven, state)) == pytest.approx(1.0)
 
 
 def swinging(friction):
     """The double pendulum in motion, its journal pressed 20 µm into the wall and sliding."""
-    law = cj.Hertz(cj.RavnStiffness(207e9, 0.3))
-    scene, _ = cj.double_pendulum(law=law, friction=friction)
+    law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
+    scene, _ = cj.mechanisms.double_pendulum(law=law, friction=friction)
     first = Rotation.from_rotvec([0.0, 2e-3, 0.9])
     second = first * Rotation.from_rotvec([0.7, 0.0, 0.0])
     spins = np.array([0.3, 0.2, 2.0]), np.array([-1.1, 0.0, 0.0])
@@ -249,11 +251,11 @@ def swinging(friction):
 
 
 def test_values_are_those_of_observe():
-    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+    scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
     now = instant(scene, state)
     row = jax.tree.map(lambda leaf: np.asarray(leaf)[None], state)
     solution = SimpleNamespace(formulation=JOINT, redundant_constraints=())
-    seen = cj.observe(scene, solution, cj.Trajectory(np.zeros(1), row))  # pyright: ignore
+    seen = cj.observe(scene, solution, cj.results.Trajectory(np.zeros(1), row))  # pyright: ignore
     for arm in ("arm 2", "arm 3"):
         expected = seen.reactions["elbow"][arm].force[0]
         found = vector(q.Reaction, now, "elbow", arm)
@@ -298,7 +300,7 @@ def test_derivatives_are_those_of_differences():
 
     Without the hinge's axes, by the sign of whose z joint coordinates choose where angles start.
     """
-    scene, state = swinging(cj.RegularisedCoulomb(0.3, 1e-3))
+    scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
     variables = JOINT.coordinates.encode(unpack(scene), unpack(state.bodies))
     random = np.random.default_rng(8)
     point = (scene, variables)
@@ -338,7 +340,10 @@ def test_derivatives_are_those_of_differences():
         (lambda: q.PointPosition("a", (0, 0), "x"), r"`point` must be an array of shape \(3,\)"),
         (lambda: q.PointAcceleration("a", (0, 0, 0), "x", "local"), r"`axes` must be.*'local'"),
         (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
-        (lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)), "`axis` must be a direction across"),
+        (
+            lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
+            "`axis` must be .* not parallel",
+        ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
     ],
 )
@@ -363,15 +368,9 @@ def test_bad_arguments_are_refused(make, message):
         (q.JointAngle("hip"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
     ],
 )
-def test_names_that_a_scene_lacks_are_refused(quantity, message):
-    scene, _ = cj.double_pendulum()
+def test_unknown_names_are_refused(quantity, message):
+    scene, _ = cj.mechanisms.double_pendulum()
     with pytest.raises(ValueError, match=message):
-        quantity.check(scene)
-
-
-def test_names_that_a_scene_has_are_accepted():
-    scene, _ = cj.double_pendulum()
-    for quantity in EVERY.values():
         quantity.check(scene)
 
 

@@ -1,4 +1,4 @@
-"""Every public name has an example in its docstring, and every example runs and is right."""
+"""Every public name has an example in its docstring, and every example runs with its output."""
 
 import matplotlib.pyplot as plt
 import pytest
@@ -16,14 +16,14 @@ def test_every_public_name_has_an_example():
     assert not missing, (
         f"no example in the docstrings of {', '.join(missing)}: end each with two to five lines "
         "that use it and show what comes out, such as\n\n"
-        "    >>> cj.HuntCrossley(restitution=0.8, stiffness=1e9).damping_factor()\n\n"
+        "    >>> cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9).damping_factor()\n\n"
         "(cj, np, jnp, plt, plot, extend and testing are imported; below a constant, in a text of "
         "its own), and run `python -m pytest tests/reference`."
     )
 
 
 @pytest.mark.parametrize("name", FAST)
-def test_the_example_is_right(name, tmp_path, monkeypatch):
+def test_the_example_runs(name, tmp_path, monkeypatch):
     if name.startswith("load_urdf"):
         pytest.importorskip("yourdfpy")
     monkeypatch.chdir(tmp_path)
@@ -32,7 +32,7 @@ def test_the_example_is_right(name, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SLOW)
-def test_the_example_of_what_compiles_is_right(name, tmp_path, monkeypatch):
+def test_the_example_that_compiles_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run_example(WITH_EXAMPLES[name]) == ""
     plt.close("all")

@@ -1,4 +1,4 @@
-"""The reference pages: one command writes them, and all public names are there."""
+"""The command for the reference pages writes all public names."""
 
 import subprocess
 import sys

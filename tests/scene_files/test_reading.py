@@ -1,4 +1,4 @@
-"""Files written by hand: what may be left out, numbers with units, and how mistakes are told."""
+"""Hand-written files: defaults, numbers with units, and error messages."""
 
 import json
 import sys
@@ -30,7 +30,7 @@ position = [0.5, 0, 0]
 
 @pytest.fixture
 def read(tmp_path):
-    """Reads a text, with changes to it, from a file."""
+    """Read a text, with changes to it, from a file."""
 
     def read(text=PIN, *changes, classes=(), name="pin.toml"):
         for old, new in changes:
@@ -45,10 +45,10 @@ def read(tmp_path):
 def test_a_file_is_as_short_as_the_python(read):
     scene, state = read()
     stiffness = scene.joints["pin"].law.stiffness
-    assert isinstance(stiffness, cj.GivenStiffness) and stiffness.stiffness == 1e9
+    assert isinstance(stiffness, cj.laws.GivenStiffness) and stiffness.stiffness == 1e9
     assert scene.joints["pin"].clearance == 0.01 - 0.0095
     assert state.bodies["arm"].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
-    assert scene.gravity is None and scene.forces == {} and state.memory == {}
+    assert scene.gravity is None and scene.forces == {} and state.entry_speeds == {}
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_file_is_as_short_as_the_python(read):
         ("0.0001", 1e-4),
     ],
 )
-def test_units_are_rounded_once(read, written, number):
+def test_converted_numbers_are_rounded_once(read, written, number):
     scene, _ = read(PIN, ('journal_radius = "9.5 mm"', f'clearance = "{written}"'))
     assert float(scene.joints["pin"].clearance) == number
 
@@ -81,7 +81,7 @@ def test_units_of_components(read):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("old", "new", "message"),
     [
         ("mass", "mas", r"pin.toml, line 3, `bodies.arm.mas`: .* did you mean 'mass'\?"),
         ("[joints.pin]", "[joint.pin]", r"`joint`: .* did you mean 'joints'\?"),
@@ -126,8 +126,8 @@ def test_units_of_components(read):
         ),
     ],
 )
-def test_mistakes_are_told_by_place_and_remedy(read, old, new, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_errors_have_location_and_remedy(read, old, new, message):
+    with pytest.raises(ValueError, match=message):
         read(PIN, (old, new))
 
 
@@ -147,7 +147,7 @@ def test_many_bodies_need_states_and_long_tables_are_read(read):
 
 
 def test_mistakes_in_json_and_suffixes(read):
-    with pytest.raises(ValueError, match=r"'bodies' stands twice"):
+    with pytest.raises(ValueError, match=r"'bodies' occurs twice"):
         read('{"bodies": {}, "bodies": {}}', name="a.json")
     with pytest.raises(ValueError, match=r"found \[1\], expected an object"):
         read("[1]", name="a.json")
@@ -159,13 +159,13 @@ def test_a_file_imports_nothing(read, tmp_path, monkeypatch):
     (tmp_path / "my_laws.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("my_laws:Quadratic", "os:system", "clearjoint.model.contact.laws:Hertz"):
-        with pytest.raises(ValueError, match=r"handed over, none: pass classes=\["):
+        with pytest.raises(ValueError, match=r"none: import it and pass classes=\["):
             read(PIN, ("LankaraniNikravesh", name))
     assert "my_laws" not in sys.modules
 
 
-class Doubled(cj.AbstractDampedLaw):
-    """A law of one's own."""
+class Doubled(cj.extend.AbstractDampedLaw):
+    """A user-defined law."""
 
     depth: float = 1.0
 
@@ -174,13 +174,13 @@ class Doubled(cj.AbstractDampedLaw):
 
 
 @pytest.mark.parametrize("name", ["Doubled", f"{__name__}:Doubled", "__main__:Doubled"])
-def test_a_class_is_named_with_its_module_or_without(read, name):
+def test_a_class_is_named_with_or_without_its_module(read, name):
     scene, _ = read(PIN, ("LankaraniNikravesh", name), classes=[Doubled])
     assert type(scene.joints["pin"].law) is Doubled
 
 
 @pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"]])
-def test_classes_are_handed_over_as_a_list(read, classes):
+def test_classes_are_passed_as_a_list(read, classes):
     with pytest.raises(ValueError, match=r"Argument `classes` must be a list of classes"):
         read(classes=classes)
 
@@ -216,19 +216,19 @@ axis_second = [0, 0, 1]
 """
 
 
-def test_a_state_that_is_left_out_is_found(read):
+def test_a_missing_state_is_computed(read):
     _, state = read(CHAIN)
     for name, x in (("upper", 0.5), ("lower", 1.5)):
         assert np.allclose(state.bodies[name].position, (x, 1.0, 0.0), atol=1e-9)
 
 
-def test_bodies_that_are_left_out_follow_those_given(read):
+def test_missing_bodies_follow_the_given_ones(read):
     turned = "orientation = [0.7071067811865476, 0, 0, 0.7071067811865476]"
     _, state = read(f"{CHAIN}\n[state.bodies.upper]\nposition = [0, 1.5, 0]\n{turned}")
     assert np.allclose(state.bodies["lower"].position, (0.5, 2.0, 0.0), atol=1e-9)
 
 
-def test_a_state_that_is_not_found_is_asked_for(read):
+def test_a_state_that_cannot_be_computed_is_asked_for(read):
     held = CHAIN.replace("elbow", "held").replace(
         "point_first = [0.5, 0, 0]", "point_first=[9,0,0]"
     )

@@ -1,7 +1,7 @@
-"""What is saved is read back to the last bit: every element that the package exports, and classes
-of one's own."""
+"""Saved scenes are restored bit for bit: every exported element, and user-defined classes."""
 
 import enum
+import inspect
 import json
 import math
 import re
@@ -18,31 +18,34 @@ from jaxtyping import Float
 
 import clearjoint as cj
 from clearjoint.model.contact.stiffness import AbstractElasticity
-from clearjoint.scene_files.complaints import FilePlace
+from clearjoint.scene_files.class_names import is_abstract
 from clearjoint.scene_files.expectations import Expectation, arguments
 from clearjoint.scene_files.files import first_difference
-from clearjoint.scene_files.kinds import is_abstract
+from clearjoint.scene_files.locations import FileLocation
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}
 STATE = cj.State({"a": cj.body_state((0.1, 0.2, 0.3)), "b": cj.body_state((1e-300, -0.0, 1 / 3))})
 FAMILIES = tuple(
     kind
-    for name, kind in vars(cj).items()
+    for name, kind in vars(cj.extend).items()
     if name.startswith("Abstract") and kind.__module__.startswith("clearjoint.model")
 )
+PUBLIC = (cj, cj.laws, cj.frictions, cj.films)
 ELEMENTS = {
     name: kind
-    for name, kind in vars(cj).items()
+    for name, kind in {k: v for names in PUBLIC for k, v in vars(names).items()}.items()
     if isinstance(kind, type) and issubclass(kind, FAMILIES) and not is_abstract(kind)
 }
-LAW = cj.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
+LAW = cj.laws.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
 DRY = cj.ClearanceJoint("ground", "a", **PIN)
 BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
-    "ClearanceJoint": lambda: cj.ClearanceJoint("ground", "a", **PIN, friction=cj.Ambrosio(0.1)),
+    "ClearanceJoint": lambda: cj.ClearanceJoint(
+        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1)
+    ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "GearBacklash": lambda: cj.GearBacklash(
         *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
@@ -52,33 +55,39 @@ EXAMPLES = {
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
     "PiecewiseLinear": lambda: cj.PiecewiseLinear([0.1, 1 / 3], np.eye(2, 3) / 3),
-    "BallInSocket": lambda: cj.BallInSocket("ground", "a", **BALL, friction=cj.Ambrosio(0.1)),
-    "SliderInGuide": lambda: cj.SliderInGuide("ground", "a", **SLIDER, friction=cj.Ambrosio(0.1)),
+    "BallInSocket": lambda: cj.BallInSocket(
+        "ground", "a", **BALL, friction=cj.frictions.Ambrosio(0.1)
+    ),
+    "SliderInGuide": lambda: cj.SliderInGuide(
+        "ground", "a", **SLIDER, friction=cj.frictions.Ambrosio(0.1)
+    ),
     "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
-    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.CaponeFilm(0.1 / 3), 1e-6 / 3),
-    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.Hertz(1e9)),
-    "Stribeck": lambda: cj.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "LuGre": lambda: cj.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "ElastoPlastic": lambda: cj.ElastoPlastic(0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3),
-    "BengisuAkay": lambda: cj.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
-    "BrownMcPhee": lambda: cj.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
+    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.films.CaponeFilm(0.1 / 3), 1e-6 / 3),
+    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.laws.Hertz(1e9)),
+    "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "LuGre": lambda: cj.frictions.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
+    "ElastoPlastic": lambda: cj.frictions.ElastoPlastic(
+        0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3
+    ),
+    "BengisuAkay": lambda: cj.frictions.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
+    "BrownMcPhee": lambda: cj.frictions.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
 }
-"""Elements that random arguments don't make."""
+"""Elements that need other than random arguments."""
 ANY_OF = {
-    AbstractElasticity: cj.RavnStiffness(207e9, 0.3),
-    cj.AbstractStiffness: cj.RavnStiffness(207e9, 0.3),
-    cj.AbstractContactLaw: LAW,
-    cj.AbstractFriction: cj.RegularisedCoulomb(0.1),
-    cj.AbstractAxialPolicy: cj.FixedAxially(),
-    cj.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
+    AbstractElasticity: cj.laws.RavnStiffness(207e9, 0.3),
+    cj.extend.AbstractStiffness: cj.laws.RavnStiffness(207e9, 0.3),
+    cj.extend.AbstractContactLaw: LAW,
+    cj.extend.AbstractFriction: cj.frictions.RegularisedCoulomb(0.1),
+    cj.extend.AbstractAxialPolicy: cj.FixedAxially(),
+    cj.extend.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
 }
 
 
 def exact(path, scene, state, **options) -> tuple[cj.Scene, cj.State]:
-    """Scene and state as they are read back, the same to the last bit."""
+    """Scene and state as they are read back, bit for bit the same."""
     cj.save(scene, state, path)
     read = cj.load(path, **options)
-    assert first_difference((scene, state), read, FilePlace("round trip")) is None
+    assert first_difference((scene, state), read, FileLocation("round trip")) is None
     return read
 
 
@@ -122,26 +131,28 @@ def example(name: str) -> Any:
 
 
 def scene_with(element: Any) -> cj.Scene:
-    """A scene that has an element somewhere."""
+    """A scene that contains an element."""
     joints: dict[str, Any] = {}
-    if isinstance(element, cj.AbstractForce):
+    if isinstance(element, cj.extend.AbstractForce):
         return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
-    if isinstance(element, cj.AbstractConstraint | cj.AbstractContactJoint):
+    if isinstance(element, cj.extend.AbstractConstraint | cj.extend.AbstractContactJoint):
         joints["element"] = element
-    elif isinstance(element, cj.AbstractFilm):
+    elif isinstance(element, cj.extend.AbstractFilm):
         joints["element"] = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
-    elif isinstance(element, cj.AbstractContactLaw):
+    elif isinstance(element, cj.extend.AbstractContactLaw):
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
     elif isinstance(element, AbstractElasticity):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.Hertz(element)}))
-    elif isinstance(element, cj.AbstractFriction | cj.AbstractBristleFriction):
+        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.laws.Hertz(element)}))
+    elif isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
     elif isinstance(element, cj.PiecewiseConstant):
         return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
-    elif isinstance(element, cj.AbstractFunctionOfTime):
+    elif isinstance(element, cj.extend.AbstractFunctionOfTime):
         joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
     else:
-        assert isinstance(element, cj.AbstractAxialPolicy), "say where in a scene it may stand"
+        assert isinstance(element, cj.extend.AbstractAxialPolicy), (
+            "say where in a scene it may stand"
+        )
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
     return cj.Scene(BODIES, joints)
 
@@ -160,20 +171,34 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
 @pytest.mark.parametrize(
     "mechanism",
     [
-        *(cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.double_four_bar, cj.bricard),
-        *(cj.andrews_squeezer, cj.gear_pair, cj.robot_arm),
-        *(cj.guided_slider_crank, cj.quick_return, cj.spatial_four_bar),
+        *(
+            cj.mechanisms.double_pendulum,
+            cj.mechanisms.slider_crank,
+            cj.mechanisms.four_bar,
+            cj.mechanisms.double_four_bar,
+            cj.mechanisms.bricard,
+        ),
+        *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
+        *(
+            cj.mechanisms.guided_slider_crank,
+            cj.mechanisms.quick_return,
+            cj.mechanisms.spatial_four_bar,
+        ),
     ],
 )
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
     exact(tmp_path / "mechanism.toml", *mechanism())
 
 
-def test_memory_and_arrays_of_jax_come_back(tmp_path):
-    scene, state = cj.double_pendulum()
-    memory = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
+def test_entry_speeds_and_jax_arrays_come_back(tmp_path):
+    scene, state = cj.mechanisms.double_pendulum()
+    entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
     bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
-    exact(tmp_path / "late.json", scene, cj.State(bodies, memory, {"supplied": np.array(-1 / 3)}))
+    exact(
+        tmp_path / "late.json",
+        scene,
+        cj.State(bodies, entry_speeds, {"supplied": np.array(-1 / 3)}),
+    )
 
 
 class Way(enum.Enum):
@@ -182,7 +207,7 @@ class Way(enum.Enum):
 
 
 class Polynomial(eqx.Module):
-    """A function with numbers: what a file holds in the place of a Python function."""
+    """A function with numbers, which a file can hold unlike a Python function."""
 
     coefficients: tuple[float, ...]
 
@@ -190,13 +215,13 @@ class Polynomial(eqx.Module):
         return sum(c * t**k for k, c in enumerate(self.coefficients))
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     body: str
     over_time: Polynomial
     direction: tuple[float, float, float]
     parts: tuple[Polynomial, ...] = ()
     limits: Any = None
-    reach: Any = cj.quantity("m", default=math.inf)
+    reach: Any = cj.extend.quantity("m", default=math.inf)
     offset: float | None = 1.0
     label: str | None = "none"
     is_on: bool = True
@@ -208,11 +233,11 @@ class Push(cj.AbstractForce):
 
     def wrenches(self, motions, t):
         force = self.direction * self.over_time(t)
-        return {self.body: motions[self.body].wrench(force, cj.Vector(0.0, 0.0, 0.0))}
+        return {self.body: motions[self.body].wrench(force, cj.extend.Vector(0.0, 0.0, 0.0))}
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
-def test_containers_options_and_absent_values_of_ones_own_class_come_back(suffix, tmp_path):
+def test_containers_options_and_none_of_a_user_defined_class_come_back(suffix, tmp_path):
     push = Push(
         "a",
         Polynomial((0.1, 2.0)),
@@ -243,14 +268,14 @@ def test_long_tables_of_numbers_come_back(tmp_path):
 
 def test_the_file_reads_well(tmp_path):
     path = tmp_path / "pendulum.toml"
-    cj.save(*cj.double_pendulum(), path)
+    cj.save(*cj.mechanisms.double_pendulum(), path)
     text = path.read_text()
     assert '[bodies."arm 2"]\nmass = 7.02 # kg\ninertia = [0.001, 0.5855, 0.5855] # kg m^2' in text
     assert '[joints.shoulder.law]\nkind = "LankaraniNikravesh"\nrestitution = 0.9\n' in text
     assert tomllib.loads(text)["format"] == 1
 
 
-def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
+def test_a_number_instead_of_an_element_is_refused(tmp_path):
     push = Push("a", Polynomial((1.0,)), (0, 0, 1))
     path = tmp_path / "push.json"
     cj.save(cj.Scene(BODIES, forces={"p": push}), STATE, path)
@@ -261,7 +286,7 @@ def test_a_number_in_the_place_of_an_element_is_refused(tmp_path):
         cj.load(path, [Push, Polynomial])
 
 
-def test_what_was_warned_of_is_not_warned_of_again(tmp_path):
+def test_saving_does_not_repeat_warnings(tmp_path):
     with pytest.warns(cj.UnusualValueWarning):
         scene = cj.Scene(BODIES, gravity=(0.0, 0.0, -9810.0))
     with warnings.catch_warnings():
@@ -313,7 +338,7 @@ class Kinds(Push):
 
 
 class Unconverted(eqx.Module):
-    """An array that nothing makes of a file's numbers."""
+    """A class whose field keeps a list as it is."""
 
     rates: Any
 
@@ -322,7 +347,7 @@ class Unconverted(eqx.Module):
 
 
 class Converted(eqx.Module):
-    """One whose annotations say what is an array."""
+    """A class whose annotations declare arrays."""
 
     rates: np.ndarray
     start: Float[np.ndarray, ""]
@@ -341,9 +366,9 @@ class Forgetful(Push):
 
 
 @pytest.mark.parametrize(
-    ("element", "complaint"),
+    ("element", "message"),
     [
-        (Doubling("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.limits`.*not make anew"),
+        (Doubling("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.limits`.*does not restore"),
         (Kinds("a", Polynomial((1.0,)), (0, 0, 1)), r"`forces.push.kind`.*rename"),
         (Doubling("a", Polynomial((1.0,)), (0, 0, 1), limits=[1, [2]]), r"`forces.push.limits`"),
         (
@@ -357,19 +382,18 @@ class Forgetful(Push):
         (Forgetful(3.0), r"`forces.push.size`.*store it in a field"),
     ],
 )
-def test_what_would_come_back_changed_is_refused(element, complaint, tmp_path):
-    with pytest.raises(ValueError, match=complaint):
+def test_values_that_would_change_are_refused(element, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
         saving(element, tmp_path)
 
 
-def test_a_law_of_ones_own_runs_from_a_scene_file(tmp_path):
-    """The docstring of `load`, whole: a law in Python, used by a file that names it."""
-    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", cj.load.__doc__ or "", re.DOTALL))
+def test_a_user_defined_law_runs_from_a_scene_file(tmp_path):
+    """The docstring of `load`: a law in Python, used by a file that names it."""
+    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
     path = tmp_path / "pendulum.toml"
-    path.write_text("\n".join(line[4:] for line in blocks["toml"].splitlines()))
-    code = "\n".join(line[4:] for line in blocks["python"].splitlines())
+    path.write_text(blocks["toml"])
     names: dict[str, Any] = {"__name__": "my_laws"}
-    exec(code.replace("pendulum.toml", str(path)), names)
+    exec(blocks["python"].replace("pendulum.toml", str(path)), names)
     scene, state = names["scene"], names["state"]
     assert scene.bodies["arm"].mass == 7.02 and scene.joints["pin"].clearance == 0.5e-3
     assert isinstance(scene.joints["pin"].law, names["Quadratic"])

@@ -1,4 +1,4 @@
-"""The JSON Schema: files of ours satisfy it, mistakes don't."""
+"""The JSON Schema: saved files satisfy it, files with mistakes don't."""
 
 import json
 import tomllib
@@ -10,14 +10,14 @@ import pytest
 import clearjoint as cj
 
 
-class Motor(cj.AbstractDriveTorque):
-    """A motor of one's own."""
+class Motor(cj.extend.AbstractDriveTorque):
+    """A user-defined motor."""
 
     first: str
     second: str
     axis: tuple[float, float, float]
-    stall_torque: Any = cj.quantity("N m", shape=())
-    orientation: Any = cj.quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    stall_torque: Any = cj.extend.quantity("N m", shape=())
+    orientation: Any = cj.extend.quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle, speed, t):
         return self.stall_torque
@@ -25,9 +25,9 @@ class Motor(cj.AbstractDriveTorque):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """A scene as TOML, as JSON, and the schemas beside them."""
+    """A folder with a scene as TOML and JSON, and their schemas."""
     folder = tmp_path_factory.mktemp("files")
-    scene, state = cj.slider_crank(motor=Motor("ground", "crank", (0, 0, 1), 2.0))
+    scene, state = cj.mechanisms.slider_crank(motor=Motor("ground", "crank", (0, 0, 1), 2.0))
     for suffix in (".toml", ".json"):
         (folder / suffix[1:]).mkdir()
         cj.save(scene, state, folder / suffix[1:] / f"crank{suffix}", schema=True)
@@ -64,7 +64,7 @@ def test_editors_find_the_schema_and_the_file_satisfies_it(files, schema):
         (("format",), "one"),
     ],
 )
-def test_mistakes_are_seen(files, schema, path, value):
+def test_mistakes_are_found(files, schema, path, value):
     document = json.loads((files / "json" / "crank.json").read_text())
     table = document
     for key in path[:-1]:
@@ -74,7 +74,7 @@ def test_mistakes_are_seen(files, schema, path, value):
         jsonschema.validate(document, schema)
 
 
-def test_units_and_summaries_are_told(schema):
+def test_the_schema_has_units_and_summaries(schema):
     definitions = schema["$defs"]
     assert definitions["ClearanceJoint"]["properties"]["clearance"]["description"] == "unit: m"
     assert definitions["Hertz"]["description"].startswith("Purely elastic contact")

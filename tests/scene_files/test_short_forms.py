@@ -1,4 +1,4 @@
-"""Bodies by their measures, orientations by axis and angle, and loads by tables, in files."""
+"""Short forms in files: bodies by dimensions, orientations by axis and angle, loads by tables."""
 
 import tomllib
 
@@ -92,7 +92,7 @@ def test_the_schema_has_them_too():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("old", "new", "message"),
     [
         ('"Body.rod"', '"Body.rot"', r"bodies.arm.kind`.*Body.sphere: did you mean 'Body.rod'"),
         ('"Body.rod"', '"Spline.through"', "bodies.arm.kind`.*expected one of Body"),
@@ -106,6 +106,6 @@ def test_the_schema_has_them_too():
         ('["5 N", {', '["5 m", {', r"forces.push.force\[0\]`.*number in N"),
     ],
 )
-def test_mistakes_are_told_by_place(read, old, new, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_errors_have_locations(read, old, new, message):
+    with pytest.raises(ValueError, match=message):
         read(TEXT.replace(old, new))

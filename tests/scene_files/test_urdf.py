@@ -1,4 +1,4 @@
-"""Robots of URDF files: bodies, joints, play by name, and what is left out."""
+"""Robots from URDF files: bodies, joints, play in given joints, warnings of omitted contents."""
 
 import math
 import warnings
@@ -61,13 +61,13 @@ PLAY = {
     "bearing_radius": 0.01,
     "clearance": 1e-4,
     "journal_length": 0.02,
-    "law": cj.Hertz(1e9),
+    "law": cj.laws.Hertz(1e9),
 }
 
 
 @pytest.fixture
 def robot(tmp_path):
-    """Reads a robot, with a change to its text, and the warnings' texts."""
+    """Read a robot, with a change to its text; also returns the texts of the warnings."""
 
     def robot(old="", new="", **options):
         assert old in ARM
@@ -80,7 +80,7 @@ def robot(tmp_path):
     return robot
 
 
-def test_links_with_mass_are_bodies_where_the_joints_at_zero_have_them(robot):
+def test_links_with_mass_are_bodies_in_the_zero_position(robot):
     scene, state, _ = robot()
     assert list(scene.bodies) == ["upper", "lower", "rail", "tool"]
     assert scene.bodies["upper"].inertia.tolist() == [0.001, 0.17, 0.17]
@@ -106,7 +106,7 @@ def test_joints_fit_the_state(robot):
     assert np.abs(report.values).max() < 1e-14
 
 
-def test_play_takes_the_place_of_a_hinge(robot):
+def test_play_replaces_a_hinge(robot):
     scene, state, _ = robot(play={"elbow": PLAY})
     elbow, ideal = scene.joints["elbow"], robot()[0].joints["elbow"]
     assert isinstance(elbow, cj.ClearanceJoint) and isinstance(elbow.axial, cj.FixedAxially)
@@ -116,21 +116,21 @@ def test_play_takes_the_place_of_a_hinge(robot):
     assert outside(scene, state) == set()
 
 
-def test_what_is_left_out_is_told_once(robot):
+def test_one_warning_lists_omitted_contents(robot):
     _, _, told = robot()
     (text,) = told
     for left in (
         "limits of elbow;",
         "damping and friction of elbow;",
         "mimics of slide;",
-        "looks of upper;",
+        "visual shapes of upper;",
         "inertia of the root of base; <gazebo>.",
     ):
         assert left in text
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "play", "complaint"),
+    ("old", "new", "play", "message"),
     [
         ("", "", {"elbo": PLAY}, r"found 'elbo', .* did you mean 'elbow'\?"),
         ("", "", {"slide": PLAY}, r"found 'slide', expected play in one of the hinges elbow, sh"),
@@ -157,12 +157,12 @@ def test_what_is_left_out_is_told_once(robot):
         ('effort="10"', 'effort="ten"', {}, r"arm.urdf: .*'ten'"),
     ],
 )
-def test_mistakes_are_told_by_place(robot, old, new, play, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_errors_have_locations(robot, old, new, play, message):
+    with pytest.raises(ValueError, match=message):
         robot(old, new, play=play)
 
 
-def test_backlash_is_put_beside_a_hinge(robot):
+def test_backlash_is_added_to_a_hinge(robot):
     given = {"backlash": "0.1 deg", "torsional_stiffness": "20 N m/mrad", "restitution": 0.3}
     scene, _, _ = robot(play={"elbow": {"backlash": "0.1 deg"}, "shoulder": given})
     hinge, elbow = scene.joints["elbow"], scene.joints["elbow backlash"]
@@ -185,10 +185,10 @@ def test_clearances_are_read_with_units(robot):
     assert scene.joints["elbow"].clearance == 0.05e-3
 
 
-def test_limits_are_told(robot, tmp_path):
+def test_limits_are_returned(robot, tmp_path):
     robot()
     limits = cj.urdf_limits(tmp_path / "arm.urdf")
-    assert limits == {"elbow": cj.JointLimits(-1.0, 1.0, 10.0, 2.0)}
+    assert limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
 
 
 def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):

@@ -17,7 +17,7 @@ PLAY, RADIUS, SPEED = 2e-3, 0.05, 2.0
 INERTIAS = 1e-3, 4e-3
 
 
-def shafts(law: cj.AbstractContactLaw, play: float = PLAY) -> tuple[cj.Scene, cj.State]:
+def shafts(law: cj.extend.AbstractContactLaw, play: float = PLAY) -> tuple[cj.Scene, cj.State]:
     """Two shafts on one axis with play; the first one turns."""
     bodies = {
         name: cj.Body(1.0, (5e-3, 5e-3, inertia))
@@ -45,7 +45,7 @@ def spins(state: cj.State, *names: str) -> list[float]:
 def test_two_shafts_hit_each_other_as_their_inertias_and_restitution_say(restitution):
     """Speeds, times in flight and the energy lost, in closed form; the contacts of a linear spring
     of stiffness k at an effective mass m last pi sqrt(m/k) where they are elastic."""
-    law = cj.ExactRestitution(restitution, 1e8, exponent=1.0)
+    law = cj.laws.ExactRestitution(restitution, 1e8, exponent=1.0)
     scene, state = shafts(law)
     settings = replace(TIGHT, ledger=True)
     solution = cj.simulate(scene, state, 0.02, settings, save=cj.Saving(impacts=True))
@@ -73,7 +73,7 @@ def test_two_shafts_hit_each_other_as_their_inertias_and_restitution_say(restitu
 
 def test_many_turns_meet_the_same_play():
     """Two hundred turns a second: the flights are as long as those of shafts that hardly turn."""
-    scene, state = shafts(cj.ExactRestitution(1.0, 1e8, exponent=1.0))
+    scene, state = shafts(cj.laws.ExactRestitution(1.0, 1e8, exponent=1.0))
     common = 400.0 * math.pi
     fast = cj.State(
         {name: cj.body_state(HERE, spin=(0, 0, common + s)) for name, s in (("a", SPEED), ("b", 0))}
@@ -88,7 +88,7 @@ def test_many_turns_meet_the_same_play():
 
 def test_gears_cross_their_backlash_as_restitution_says():
     """Rates r1 w1 + r2 w2 fall by the restitution; what each gear gives the mesh it takes there."""
-    scene, state = cj.gear_pair(backlash=1e-4, restitution=0.8)
+    scene, state = cj.mechanisms.gear_pair(backlash=1e-4, restitution=0.8)
     solution = cj.simulate(scene, state, 0.02, TIGHT, save=cj.Saving(impacts=True))
     hits, (first, second) = solution.impacts, _base_radii()
     entries = 10.0 * first * 0.8 ** np.arange(len(hits))
@@ -114,14 +114,14 @@ def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
     torque, end = 5.0, 0.05
 
     def angles(backlash: float) -> tuple[float, float]:
-        law = cj.ExactRestitution(0.05, 4e8, exponent=1.0)
-        scene, state = cj.gear_pair(backlash, speeds=(0.0, 0.0), law=law)
+        law = cj.laws.ExactRestitution(0.05, 4e8, exponent=1.0)
+        scene, state = cj.mechanisms.gear_pair(backlash, speeds=(0.0, 0.0), law=law)
         drive = cj.DriveTorque("ground", "pinion", AXIS, torque)
         scene = cj.Scene(scene.bodies, scene.joints, {"drive": drive})
         final = cj.simulate(scene, state, end, TIGHT).final
         return turned(final, "pinion"), turned(final, "wheel")
 
-    scene, _ = cj.gear_pair()
+    scene, _ = cj.mechanisms.gear_pair()
     inertias = [float(body.inertia[2]) for body in scene.bodies.values()]
     reduced = inertias[0] + inertias[1] * 0.4**2
     ideal = 0.5 * torque / reduced * end**2
@@ -134,7 +134,7 @@ def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
 
 
 def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
-    scene, state = cj.gear_pair()
+    scene, state = cj.mechanisms.gear_pair()
     places: dict[str, tuple[Any, float]] = {
         "backlash": (lambda s: s.joints["mesh"].backlash, 1e-8),
         "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-4),
@@ -148,7 +148,7 @@ def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
     derivatives = np.ravel(found.derivatives["angle"])
 
     def angle(place: Any, change: float) -> float:
-        moved = cj.put(scene, place, place(scene) + change)
+        moved = cj.set_value(scene, place, place(scene) + change)
         return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "wheel")
 
     for derivative, (name, (place, step)) in zip(derivatives, places.items(), strict=True):
@@ -157,14 +157,14 @@ def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
 
 
 def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
-    scene, state = shafts(cj.HuntCrossley(0.7, 1e8))
+    scene, state = shafts(cj.laws.HuntCrossley(0.7, 1e8))
     parameters = {"play": cj.Parameter(lambda s: s.joints["play"].play, cj.Log())}
     channel = {"angle": cj.quantities.JointAngle("b")}
     end, tight = 4e-3, replace(cj.presets.derivatives, rtol=1e-11)
     found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings=tight)
 
     def angle(play: float) -> float:
-        moved, _ = shafts(cj.HuntCrossley(0.7, 1e8), play)
+        moved, _ = shafts(cj.laws.HuntCrossley(0.7, 1e8), play)
         return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "b")
 
     difference = (angle(PLAY * math.exp(1e-4)) - angle(PLAY * math.exp(-1e-4))) / 2e-4
@@ -172,11 +172,11 @@ def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
 
 
 @pytest.mark.parametrize(
-    "law", [cj.ExactRestitution(0.8, 4e8, exponent=1.0), cj.FloresKelvinVoigt(0.8, 4e8)]
+    "law", [cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0), cj.laws.FloresKelvinVoigt(0.8, 4e8)]
 )
 def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
     """The slope of the force jumps where the flanks touch and part."""
-    scene, state = cj.gear_pair(1e-4, law=law)
+    scene, state = cj.mechanisms.gear_pair(1e-4, law=law)
     places: dict[str, tuple[Any, float]] = {
         "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-5),
         "stiffness": (lambda s: s.joints["mesh"].law.stiffness.stiffness, 4e4),
@@ -186,7 +186,7 @@ def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
     end, exact = 4e-3, replace(cj.presets.derivatives, rtol=1e-12)
 
     def angle(place: Any, change: float) -> float:
-        moved = cj.put(scene, place, place(scene) + change)
+        moved = cj.set_value(scene, place, place(scene) + change)
         return turned(cj.simulate(moved, state, end, exact).final, "wheel")
 
     sizes = np.array([float(place(scene)) for place, _ in places.values()])
@@ -203,14 +203,14 @@ def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
 
 def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
     """Times in flight, and so counts, go with the play; each lane keeps its own entry speed."""
-    scene, state = cj.gear_pair()
+    scene, state = cj.mechanisms.gear_pair()
     plays = np.array([2e-5, 5e-5, 2e-4])
     axes = {"play": cj.Axis(lambda s: s.joints["mesh"].backlash, plays)}
     outputs = {"hits": cj.ImpactTable(20), "peak": cj.Peak(cj.quantities.ContactForce("mesh"), "N")}
     found = cj.sweep(scene, state, 5e-3, axes, outputs, TIGHT, progress=False)
     entries = 10.0 * _base_radii()[0] * 0.8 ** np.arange(40)
     for k, play in enumerate(plays):
-        moved, _ = cj.gear_pair(backlash=play)
+        moved, _ = cj.mechanisms.gear_pair(backlash=play)
         single = cj.simulate(moved, state, 5e-3, TIGHT, save=cj.Saving(impacts=True)).impacts
         speeds = found["hits_entry_speed"].values[k].ravel()
         speeds = np.sort(speeds[np.isfinite(speeds) & (speeds > 0.0)])[::-1]
@@ -221,7 +221,7 @@ def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
 
 def test_impacts_without_duration_are_those_of_time_stepping():
     """Moreau's steps take couples, too: the speeds after as many impacts as the stiff law's."""
-    scene, state = shafts(cj.ExactRestitution(0.6, 1e8, exponent=1.0))
+    scene, state = shafts(cj.laws.ExactRestitution(0.6, 1e8, exponent=1.0))
     coarse = cj.simulate_nonsmooth(scene, state, 2e-3, step=1e-6, restitution=0.6)
     fine = cj.simulate(scene, state, 2e-3, TIGHT)
     names = ("a", "b")
@@ -229,7 +229,7 @@ def test_impacts_without_duration_are_those_of_time_stepping():
 
 
 def test_assembly_puts_what_penetrates_into_the_middle_of_the_play():
-    scene, state = shafts(cj.ExactRestitution(0.6, 1e8, exponent=1.0))
+    scene, state = shafts(cj.laws.ExactRestitution(0.6, 1e8, exponent=1.0))
     half = 0.5 * 0.3
     outside = cj.State(
         {**state.bodies, "b": cj.body_state(HERE, (math.cos(half), 0.0, 0.0, math.sin(half)))}
@@ -241,7 +241,7 @@ def test_assembly_puts_what_penetrates_into_the_middle_of_the_play():
 def test_gravity_loads_the_arm_as_published():
     """31.6399 and 6.0351 N m in the nominal pose (P. Corke, Robotics, Vision and Control, the
     toolbox's `gravload(qn)`)."""
-    scene, state = cj.robot_arm(play=None)
+    scene, state = cj.mechanisms.robot_arm(play=None)
     observed = cj.observe(scene, cj.simulate(scene, state, 1e-6, save=cj.Saving([0.0])))
     torques = [
         np.linalg.norm(observed.reactions[f"motor {k}"][f"link {k}"].moment[0]) for k in (1, 2, 3)
@@ -254,8 +254,8 @@ def test_the_arm_falls_through_its_play_and_rests_as_published():
     the nominal pose is the toolbox's `inertia(qn)` less the rotors' 200e-6 kg m^2 times the
     squares of the gear ratios; a play is short, so that they hardly change. At rest the flanks
     carry the load."""
-    play, law = 2e-5, cj.ExactRestitution(0.1, 1e9, exponent=1.0)
-    scene, state = cj.robot_arm(play=play, law=law)
+    play, law = 2e-5, cj.laws.ExactRestitution(0.1, 1e9, exponent=1.0)
+    scene, state = cj.mechanisms.robot_arm(play=play, law=law)
     solution = cj.simulate(scene, state, 0.5, save=cj.Saving([1e-3, 0.5]))
     observed = cj.observe(scene, solution)
     rotors = 200e-6 * np.array((62.6111, 107.815, 53.7063)) ** 2

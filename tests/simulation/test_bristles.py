@@ -14,7 +14,9 @@ from clearjoint.math.vectors import unpack
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities
-LUGRE = cj.LuGre(0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05)
+LUGRE = cj.frictions.LuGre(
+    0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05
+)
 SPRING, BELT_SPEED = 200.0, 0.1
 """N/m, and m/s."""
 
@@ -26,47 +28,51 @@ def by_displacement(friction, slid):
 
 
 def test_dahls_force_over_displacement_is_exponential_and_is_booked():
-    """The block is dragged along by the belt: its slip changes all the while."""
-    friction, times = cj.Dahl(0.3, 1e4), np.linspace(5e-4, 0.01, 20)
+    """The belt drags the block along, with a slip that changes throughout."""
+    friction, times = cj.frictions.Dahl(0.3, 1e4), np.linspace(5e-4, 0.01, 20)
     scene, state = block(friction, BELT_SPEED)
     settings = cj.Settings(ledger=True)
     solution = cj.simulate(scene, state, 0.01, settings, save=cj.Saving(times))
-    places, speeds = along(solution)
-    ratio = by_displacement(friction, BELT_SPEED * times - places)
+    positions, speeds = along(solution)
+    ratio = by_displacement(friction, BELT_SPEED * times - positions)
     error = -deflections(solution)[:, 0] * 1e4 - ratio
     assert np.abs(error).max() < 1e-5 * 0.3
     work = np.asarray(solution.saved.states.work["friction"])
-    brought = BELT_SPEED * MASS * speeds
-    np.testing.assert_allclose(work, brought - 0.5 * MASS * speeds**2, rtol=1e-6, atol=1e-10)
-    seen = cj.observe(scene, solution)
-    force = seen.contacts["floor"]["belt"].friction_force[:, 0]
+    supplied = BELT_SPEED * MASS * speeds
+    np.testing.assert_allclose(work, supplied - 0.5 * MASS * speeds**2, rtol=1e-6, atol=1e-10)
+    observed = cj.observe(scene, solution)
+    force = observed.contacts["floor"]["belt"].friction_force[:, 0]
     np.testing.assert_allclose(force, WEIGHT * ratio, rtol=2e-5)
-    slid, held = BELT_SPEED * times - places, WEIGHT * ratio**2 / 2e4
-    np.testing.assert_allclose(seen.energies["bristles"], held, rtol=4e-5)
+    slid, stored = BELT_SPEED * times - positions, WEIGHT * ratio**2 / 2e4
+    np.testing.assert_allclose(observed.energies["bristles"], stored, rtol=4e-5)
     taken = WEIGHT * (0.3 * slid - 0.3 * ratio / 1e4)
-    np.testing.assert_allclose(seen.energies["friction"], taken - held, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(observed.energies["friction"], taken - stored, rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.slow
-def test_what_bristles_hold_is_given_back_and_is_not_dissipated():
-    """A block on a deflected spring of bristles that slip too little to lose much; a run that goes
-    on without its ledger begins it with what they hold."""
-    scene, state = block(cj.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
+def test_energy_stored_in_bristles_is_returned_and_not_dissipated():
+    """A block oscillates on bristles that dissipate little.
+
+    A run that continues without a ledger starts it at their stored energy.
+    """
+    scene, state = block(cj.frictions.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
     times, settings = np.linspace(0.0, 0.05, 26), cj.Settings(rtol=1e-9, ledger=True)
     solution = cj.simulate(scene, state, 0.05, settings, save=cj.Saving(times))
-    seen, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
-    assert np.abs(seen.ledger_residual()).max() < 1e-6 * whole
-    assert seen.energies["bristles"].max() > 0.9 * whole
-    assert (np.diff(seen.energies["friction"]) > -1e-9 * whole).all()
-    assert seen.energies["friction"][-1] < 0.2 * whole
+    observed, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * whole
+    assert observed.energies["bristles"].max() > 0.9 * whole
+    assert (np.diff(observed.energies["friction"]) > -1e-9 * whole).all()
+    assert observed.energies["friction"][-1] < 0.2 * whole
     stopped = cj.simulate(scene, state, 0.016, settings).final
-    held = seen.energies["bristles"][8]
-    assert held > 0.5 * whole
+    stored = observed.energies["bristles"][8]
+    assert stored > 0.5 * whole
     bare = eqx.tree_at(lambda s: s.work, stopped, {}, is_leaf=lambda node: node is stopped.work)
     on = cj.simulate(scene, bare, 0.05, settings, start_time=0.016, save=cj.Saving([0.016, 0.05]))
     after = cj.observe(scene, on).energies
-    assert abs(after["friction"][0]) < 1e-9 * whole and after["bristles"][0] == pytest.approx(held)
-    lost = seen.energies["friction"][-1] - seen.energies["friction"][8]
+    assert abs(after["friction"][0]) < 1e-9 * whole and after["bristles"][0] == pytest.approx(
+        stored
+    )
+    lost = observed.energies["friction"][-1] - observed.energies["friction"][8]
     assert after["friction"][1] == pytest.approx(lost, rel=1e-3)
 
 
@@ -78,7 +84,7 @@ def on_a_spring():
 
 
 def independent(times):
-    """Places, velocities and deflections of the block on the spring, by SciPy."""
+    """Return positions, velocities and deflections of the block on the spring, by SciPy."""
 
     def rates(_, y):
         x, v, z = y
@@ -93,14 +99,13 @@ def independent(times):
 
 
 def test_stick_slip_is_that_of_an_independent_integration():
-    """It sticks to the belt and slips off, over and over; a saved state goes on as if nothing had
-    been."""
+    """The block sticks and slips repeatedly; a run from a saved state continues exactly."""
     scene, state = on_a_spring()
     times = np.linspace(0.02, 0.8, 40)
     expected = independent(times)
     solution = cj.simulate(scene, state, 0.8, save=cj.Saving(times))
-    places, speeds = along(solution)
-    np.testing.assert_allclose(places, expected[0], atol=2e-6)
+    positions, speeds = along(solution)
+    np.testing.assert_allclose(positions, expected[0], atol=2e-6)
     np.testing.assert_allclose(speeds, expected[1], atol=1e-4)
     np.testing.assert_allclose(deflections(solution)[:, 0], expected[2], atol=2e-4 * 0.15e-4)
     sticks = np.abs(speeds - BELT_SPEED) < 1e-3
@@ -113,16 +118,18 @@ def test_stick_slip_is_that_of_an_independent_integration():
     assert np.abs(along(other)[0] - along(rest)[0]).max() > 1e-4
 
 
-@pytest.mark.parametrize("friction", [LUGRE, cj.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"])
+@pytest.mark.parametrize(
+    "friction", [LUGRE, cj.frictions.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"]
+)
 def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
-    """Half the load that breaks away: tanh creeps at the speed whose ratio bears it."""
+    """Half the breakaway load: tanh friction creeps at the speed that balances it."""
     pull = {"pull": cj.AppliedLoad("block", (0.5 * 0.25 * WEIGHT, 0.0, 0.0))}
     scene, state = block(friction, forces=pull)
     times = np.array([0.3, 0.5])
     solution = cj.simulate(scene, state, 0.5, save=cj.Saving(times))
-    places, _ = along(solution)
-    moved = places[1] - places[0]
-    if isinstance(friction, cj.AbstractBristleFriction):
+    positions, _ = along(solution)
+    moved = positions[1] - positions[0]
+    if isinstance(friction, cj.extend.AbstractBristleFriction):
         assert abs(moved) < 1e-9
     else:
         assert moved == pytest.approx(0.2 * 1e-3 * np.arctanh(0.5), rel=1e-4)
@@ -132,14 +139,14 @@ FALLING = replace(cj.presets.derivatives, rtol=1e-10)
 
 
 def falling(**changes):
-    """The block above the belt, sliding and falling: bristles begin with the contact."""
+    """The block above the belt, sliding and falling: bristles deflect from the onset on."""
     numbers = {"velocity": (0.05, 0.02, -0.05), "height": 1e-5} | changes
     return block(LUGRE, 0.01, **numbers)
 
 
 @pytest.mark.slow
-def test_derivatives_hold_across_the_begin_of_a_contact():
-    """When it begins depends on the first height: the bristles' rate jumps there."""
+def test_derivatives_are_right_across_an_onset():
+    """The onset depends on the initial height, and the bristles' rate jumps there."""
     times, step = np.array([3e-4, 6e-4, 1e-3]), 1e-9
     parameters = {
         "height": cj.Parameter.initial(lambda s: s.bodies["block"].position[2]),
@@ -171,7 +178,7 @@ def test_derivatives_hold_across_the_begin_of_a_contact():
             assert np.abs(error).max() < 2e-5 * scale, (name, column)
 
 
-def test_deflections_are_zero_in_flight_and_begin_anew():
+def test_deflections_are_zero_in_flight_and_at_each_onset():
     scene, state = falling()
     times = np.linspace(5e-5, 6e-3, 60)
     solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
@@ -183,7 +190,7 @@ def test_deflections_are_zero_in_flight_and_begin_anew():
 
 
 def test_run_without_bristles_has_none():
-    scene, state = block(cj.RegularisedCoulomb(0.1))
+    scene, state = block(cj.frictions.RegularisedCoulomb(0.1))
     system = System.of(unpack(scene), Formulation())
     assert scene.bristle_laws() == {} and state.bristles == {}
     dynamics = system.dynamics(system.encode(unpack(state.bodies)), {}, 0.0)
@@ -191,8 +198,8 @@ def test_run_without_bristles_has_none():
 
 
 def test_rigid_contacts_take_the_friction_of_long_slip():
-    """The block slows down at mu_C g, since it slides far above the Stribeck speed; what is
-    observed of such runs has bristles at rest."""
+    """The block slows down at mu_C g, as it slides far above the Stribeck speed; observations of
+    rigid runs have bristles at rest."""
     scene, state = block(LUGRE, velocity=(1.0, 0.0, 0.0), height=0.0)
     times = np.array([0.1, 0.2])
     run = cj.simulate_nonsmooth(
@@ -203,8 +210,8 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
 
 
 @pytest.mark.slow
-def test_alike_joints_and_lanes_have_what_each_has_alone():
-    """Two blocks are computed as a group, and lanes side by side."""
+def test_grouped_joints_and_lanes_equal_single_ones():
+    """Blocks computed as a group, and lanes of a sweep, against single runs."""
     one, start = falling()
     bodies = {"block": one.bodies["block"], "other": one.bodies["block"]}
     joints = {
@@ -220,9 +227,9 @@ def test_alike_joints_and_lanes_have_what_each_has_alone():
     times = np.array([3e-4, 1e-3])
     both = cj.simulate(scene, state, 1.1e-3, FALLING, save=cj.Saving(times))
     alone = cj.simulate(one, start, 1.1e-3, FALLING, save=cj.Saving(times))
-    held = np.asarray(both.saved.states.bristles["floor"]["belt"])
-    np.testing.assert_allclose(held, deflections(alone), rtol=1e-7, atol=1e-15)
-    assert not np.allclose(both.saved.states.bristles["second"]["belt"], held, rtol=0.1, atol=0.0)
+    stored = np.asarray(both.saved.states.bristles["floor"]["belt"])
+    np.testing.assert_allclose(stored, deflections(alone), rtol=1e-7, atol=1e-15)
+    assert not np.allclose(both.saved.states.bristles["second"]["belt"], stored, rtol=0.1, atol=0.0)
     lanes = cj.sweep(
         one,
         start,
@@ -233,6 +240,6 @@ def test_alike_joints_and_lanes_have_what_each_has_alone():
         save=cj.Saving(times),
         progress=False,
     )
-    places = np.asarray(lanes["saved_position"])[0, :, 0, 0]
-    np.testing.assert_allclose(places, along(alone)[0], rtol=1e-10)
+    positions = np.asarray(lanes["saved_position"])[0, :, 0, 0]
+    np.testing.assert_allclose(positions, along(alone)[0], rtol=1e-10)
     assert (np.asarray(lanes["peak"]) > 0.0).all()

@@ -10,10 +10,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.conversion import on_device, with_arrays
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.run_checks import BY_NUMPY, starts
-from clearjoint.simulation.sampling import sampled_compiled
-from clearjoint.simulation.simulate import begin_compiled
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+from clearjoint.simulation.run.sampling import sampled_compiled
+from clearjoint.simulation.run.simulate import begin_compiled
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -70,7 +70,7 @@ def rod():
         bearing_radius=0.01,
         clearance=0.8e-3,
         journal_length=0.02,
-        law=cj.HuntCrossley(0.7, cj.GivenStiffness(1e8)),
+        law=cj.laws.HuntCrossley(0.7, cj.laws.GivenStiffness(1e8)),
     )
     scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 2e-3, 3e-3))}, {"pin": pin})
     return scene, cj.State({"rod": cj.body_state((1e-4, -0.2, 0.0))})
@@ -213,7 +213,7 @@ def test_no_other_number_of_a_run_compiles_anything(rod, compiled):
     scene, state = rod
     cj.simulate(scene, state, SHORT)
     before, counts = compiled(), {}
-    other = cj.put(scene, lambda s: s.joints["pin"].clearance, 1.1e-3)
+    other = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.1e-3)
     moved = cj.State({"rod": cj.body_state((-1e-4, -0.2, 0.0), velocity=(0.1, 0.0, 0.0))})
     changes = {
         "scene": (other, state, SHORT),
@@ -316,7 +316,7 @@ def test_a_number_is_a_number_whatever_its_type(rod):
     finals = []
     for number in NUMBERS:
         wider = eqx.tree_at(lambda s: s.joints["pin"].clearance, scene, number)
-        same = cj.put(scene, lambda s: s.joints["pin"].clearance, float(number))
+        same = cj.set_value(scene, lambda s: s.joints["pin"].clearance, float(number))
         runs = [cj.simulate(one, state, SHORT, progress=False) for one in (wider, same)]
         finals.append([run.final.bodies["rod"].position for run in runs])
     assert native_programs() - before <= 1  # Of the checks, once they are many.
@@ -327,7 +327,7 @@ def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
     scene, state = rod
     before = starts.count()
     for clearance in np.linspace(1e-3, 1.5e-3, 2 * BY_NUMPY):
-        wider = cj.put(scene, lambda s: s.joints["pin"].clearance, clearance)
+        wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, clearance)
         cj.simulate(wider, state, SHORT, progress=False)
     assert starts.count() - before <= 1
 

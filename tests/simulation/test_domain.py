@@ -48,14 +48,14 @@ def changed(numbers):
     """Scene and state with the numbers."""
     scene, state = rod()
     for name in ("clearance", "bearing_radius", "journal_length"):
-        scene = cj.put(scene, lambda s, n=name: getattr(s.joints["pin"], n), numbers[name])
-    scene = cj.put(scene, lambda s: s.joints["pin"].law.restitution, numbers["restitution"])
-    scene = cj.put(scene, lambda s: s.bodies["rod"].mass, numbers["mass"])
+        scene = cj.set_value(scene, lambda s, n=name: getattr(s.joints["pin"], n), numbers[name])
+    scene = cj.set_value(scene, lambda s: s.joints["pin"].law.restitution, numbers["restitution"])
+    scene = cj.set_value(scene, lambda s: s.bodies["rod"].mass, numbers["mass"])
     position = jnp.stack([jnp.asarray(0.1), numbers["height"], jnp.asarray(0.0)])
-    return scene, cj.put(state, lambda s: s.bodies["rod"].position, position)
+    return scene, cj.set_value(state, lambda s: s.bodies["rod"].position, position)
 
 
-def run(numbers) -> cj.Solution:
+def run(numbers) -> cj.results.Solution:
     few_stages = diffrax.Bosh3()  # compiles in half the time
     settings = replace(cj.presets.default, rtol=numbers["rtol"], solver=few_stages)
     save = cj.Saving(numbers["save_time"][None])
@@ -82,7 +82,7 @@ def test_the_same_numbers_raise_outside_of_jax(name, value):
 def test_rigid_contacts():
     def rigid(clearance, step):
         scene, state = rod()
-        scene = cj.put(scene, lambda s: s.joints["pin"].clearance, clearance)
+        scene = cj.set_value(scene, lambda s: s.joints["pin"].clearance, clearance)
         return cj.simulate_nonsmooth(scene, state, END, step=step)
 
     clearances, steps = jnp.asarray([5e-4, np.nan, 5e-4]), jnp.asarray([1e-3, 1e-3, -1.0])
@@ -92,7 +92,7 @@ def test_rigid_contacts():
     assert found.steps.tolist() == [2, 0, 0]
 
 
-class Blade(cj.AbstractFriction):
+class Blade(cj.extend.AbstractFriction):
     """A friction whose check needs known numbers."""
 
     coefficient: float

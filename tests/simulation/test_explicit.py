@@ -1,4 +1,4 @@
-"""Explicit methods with their stages written out are diffrax's, step and dense output."""
+"""Explicit methods with unrolled stages against diffrax's: steps, dense output and time maps."""
 
 import diffrax
 import jax
@@ -6,8 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint.simulation.grading import FromBegin, WithinContact
-from clearjoint.simulation.unrolled_runge_kutta import UnrolledExplicit, dense_weights, unrolled
+from clearjoint.simulation.step.time_map import FromOnset, WithinContact
+from clearjoint.simulation.step.unrolled_runge_kutta import (
+    UnrolledExplicit,
+    dense_weights,
+    unrolled,
+)
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
 Y0 = {"a": jnp.asarray(0.7), "b": jnp.asarray(-0.4)}
@@ -46,7 +50,7 @@ def test_the_last_rates_start_the_next_step(steps):
         assert float(rates[name]) == pytest.approx(float(expected[name]), rel=1e-14)
 
 
-def test_stale_rates_are_computed_anew():
+def test_stale_rates_are_recomputed():
     terms, own = diffrax.ODETerm(field), unrolled(diffrax.Tsit5())
     stale = jax.tree.map(lambda leaf: leaf + 1.0, Y0)
     y1, *_ = own.step(terms, T0, T1, Y0, 1.3, stale, jnp.asarray(True))
@@ -66,7 +70,7 @@ def test_dense_output_is_that_of_diffrax(steps):
 
 
 def test_dense_output_is_arithmetic_without_loops(steps):
-    """A reduction in it would make programs grow with each use of what it gives."""
+    """With a reduction in it, programs would grow with each use of its result."""
     method, _, (*_, inside, _, _) = steps
     dense = unrolled(method).interpolation_cls(t0=T0, t1=T1, **inside)
     program = str(jax.make_jaxpr(dense.evaluate)(0.4))
@@ -80,7 +84,7 @@ def test_dense_weights_begin_at_zero_and_end_with_the_step(steps):
     np.testing.assert_allclose(weights.sum(axis=1), method.tableau.b_sol, atol=1e-12)
 
 
-def test_other_methods_stay_as_they_are():
+def test_other_methods_are_unchanged():
     implicit = diffrax.Kvaerno3()
     assert unrolled(implicit) is implicit
     assert isinstance(unrolled(diffrax.Ralston()), UnrolledExplicit)
@@ -95,31 +99,31 @@ def within(since, due, touches=True, begins=False):
 
 
 GRADED = {
-    "from a begin": (FromBegin(jnp.asarray(True)), lambda t: t**1.5),
+    "from a begin": (FromOnset(jnp.asarray(True)), lambda t: t**1.5),
     "from a begin, with derivatives": (within(1e-6, jnp.inf, begins=True), lambda t: t**1.5),
     "after a begin": (within(0.05, 2.0), lambda t: (0.05 + t) ** 1.5),
     "before an end": (within(2.0, 0.5), lambda t: -((0.5 - t) ** 1.5)),
     "to an end": (within(2.0, 0.3), lambda t: -((0.3 - t) ** 1.5)),
 }
-"""Gradings, and what they make a polynomial of the place."""
+"""Time maps, and a function of time that each makes a polynomial of the fraction x."""
 
 
-def _stepped(grading, function):
-    """Value, error and last rates of a step in which a function of time is integrated."""
+def _stepped(time_map, function):
+    """Return value, error and last rates of a step that integrates a function of time."""
     own, start = UnrolledExplicit(diffrax.Tsit5()), jnp.asarray(function(0.0))
     terms = diffrax.ODETerm(lambda t, y, args: jax.grad(function)(t))
     y1, error, information, last, _ = own.step(
-        terms, 0.0, H, start, None, jax.grad(function)(0.0), False, grading=grading
+        terms, 0.0, H, start, None, jax.grad(function)(0.0), False, time_map=time_map
     )
     dense = own.interpolation_cls(t0=0.0, t1=H, **information)
-    return y1, error, last, lambda part: dense.evaluate(H * grading.place(jnp.asarray(part)))
+    return y1, error, last, lambda part: dense.evaluate(H * time_map.fraction(jnp.asarray(part)))
 
 
 @pytest.mark.parametrize("case", GRADED)
-def test_a_graded_step_is_exact_where_forces_begin_and_end_as_a_root(case):
-    """Polynomials of third order are what the method is exact for; in time they are roots."""
-    grading, function = GRADED[case]
-    y1, error, last, inside = _stepped(grading, function)
+def test_a_step_with_a_time_map_is_exact_where_forces_begin_and_end_as_a_root(case):
+    """The method is exact for polynomials of third order in x, which are roots in time."""
+    time_map, function = GRADED[case]
+    y1, error, last, inside = _stepped(time_map, function)
     assert float(y1) == pytest.approx(function(0.3), rel=1e-13, abs=1e-15)
     assert abs(float(error)) < 1e-15
     assert float(last) == pytest.approx(float(jax.grad(function)(0.3)), rel=1e-13)
@@ -131,18 +135,18 @@ def test_a_graded_step_is_exact_where_forces_begin_and_end_as_a_root(case):
 
 
 @pytest.mark.parametrize("case", GRADED)
-def test_the_place_in_a_step_is_the_inverse_of_the_time_elapsed(case):
-    grading, _ = GRADED[case]
+def test_the_fraction_of_a_step_is_the_inverse_of_the_elapsed_time(case):
+    time_map, _ = GRADED[case]
     for place in (0.0, 0.01, 0.3, 0.8, 1.0):
-        part = grading.elapsed(place)
-        assert float(grading.place(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
-        ahead, back = (grading.elapsed(place + side) for side in (1e-6, -1e-6))
-        assert float(grading.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
+        part = time_map.elapsed(place)
+        assert float(time_map.fraction(part)) == pytest.approx(place, rel=1e-7, abs=1e-12)
+        ahead, back = (time_map.elapsed(place + side) for side in (1e-6, -1e-6))
+        assert float(time_map.slope(place)) == pytest.approx(float(ahead - back) / 2e-6, abs=1e-9)
 
 
-def test_the_next_step_of_a_contact_is_as_long_in_the_root_of_time():
-    """Roots 0.5, 0.8, 1.1 after the begin; 0.5, 0.4, 0.3 before the end; a proposal that would go
-    past that stays."""
+def test_the_next_step_of_a_contact_has_the_same_length_in_the_root_of_time():
+    """Roots 0.5, 0.8, 1.1 after the onset; 0.5, 0.4, 0.3 before the end; a proposal beyond the end
+    is unchanged."""
     keep, h = jnp.asarray(True), 0.8**2 - 0.5**2
     growing = WithinContact(jnp.asarray(h), jnp.asarray(0.5), jnp.asarray(0.8))
     assert float(growing.next_length(h, keep)) == pytest.approx(1.1**2 - 0.8**2)
@@ -154,7 +158,7 @@ def test_the_next_step_of_a_contact_is_as_long_in_the_root_of_time():
 
 
 @pytest.mark.parametrize("since", [0.1, np.inf])
-def test_time_passes_evenly_where_nothing_is_known_of_contacts(since):
-    for grading in (within(since, np.inf, touches=False), within(np.inf, np.inf)):
-        assert float(grading.elapsed(0.3)) == pytest.approx(0.3, rel=1e-15)
-        assert float(grading.next_length(0.7, jnp.asarray(True))) == pytest.approx(0.7)
+def test_time_is_uniform_without_known_contacts(since):
+    for time_map in (within(since, np.inf, touches=False), within(np.inf, np.inf)):
+        assert float(time_map.elapsed(0.3)) == pytest.approx(0.3, rel=1e-15)
+        assert float(time_map.next_length(0.7, jnp.asarray(True))) == pytest.approx(0.7)

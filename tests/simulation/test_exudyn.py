@@ -49,7 +49,7 @@ def test_bounce_by_hunt_and_crossley(restitution):
     """One impact of a journal in its bearing; the two bases share the stiffness of one contact."""
     m = exudyn_models
     theirs = m.bounce(restitution)
-    law = cj.HuntCrossley(restitution, 0.5 * m.BOUNCE_STIFFNESS)
+    law = cj.laws.HuntCrossley(restitution, 0.5 * m.BOUNCE_STIFFNESS)
     joint = cj.ClearanceJoint(
         "ground",
         "journal",

@@ -1,5 +1,5 @@
-"""Derivatives through a run: reverse mode against forward mode, closed forms and the reference, and
-the points where a kink or a vanishing length could spoil them."""
+"""Derivatives of a run: reverse mode against forward mode, closed forms and the reference; and
+derivatives at points with a kink or a vanishing length."""
 
 import diffrax
 import equinox as eqx
@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import STEEL
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Vector, structured, unpack
+from clearjoint.math.vectors import Vector, fold_constants, unpack
+from clearjoint.mechanisms import STEEL
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
-from clearjoint.simulation.adjoint import PLAIN, CheckpointedLoops, loops_for
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.loops import PLAIN, CheckpointedLoops, loops_for
+from clearjoint.simulation.step.method import Scheme
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
 GRAVITY, CLEARANCE, RESTITUTION = 9.81, 5e-4, 0.9
 END, BEFORE = 0.012, 0.0099
 """s: after the first impact, and before it."""
 TIMES = jnp.asarray([0.0, BEFORE, END])
-MEMORY = {"shoulder": {"V": 0.0, "W": 0.0}}
+ENTRY_SPEEDS = {"shoulder": {"V": 0.0, "W": 0.0}}
 
 
 def rod(height=0.0):
@@ -36,7 +36,9 @@ def rod(height=0.0):
         bearing_radius=10e-3,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL, entry_speed_floor=1e-2),
+        law=cj.laws.LankaraniNikravesh(
+            restitution=RESTITUTION, stiffness=STEEL, entry_speed_floor=1e-2
+        ),
     )
     scene = cj.Scene({"rod": cj.Body(1.0, (1e-5, 3e-3, 3e-3))}, {"pin": joint}, gravity=(0, -1, 0))
     return scene, cj.State({"rod": cj.body_state((0.1, height, 0.0))})
@@ -72,19 +74,19 @@ LANES = np.array(
         [CLEARANCE, RESTITUTION, GRAVITY, -CLEARANCE],
     ]
 )
-"""From the centre, from beside it, and touching the wall: no depth, no slip, no entry speed."""
+"""Starts at the centre, off the centre, and at the wall: no depth, no slip, no entry speed."""
 
 
 @pytest.fixture(scope="module")
 def forward():
-    """Heights, and their derivatives; shape (lanes, times) and (lanes, times, parameters)."""
+    """Return heights (lanes, times) and their derivatives (lanes, times, parameters)."""
     slopes = jax.jit(jax.vmap(jax.jacfwd(heights)))(LANES)
     return np.asarray(slopes)
 
 
 @pytest.fixture(scope="module")
 def reverse():
-    """The derivatives of each height in reverse mode, through a mean over the lanes."""
+    """Return the derivatives of each height in reverse mode, through a mean over the lanes."""
 
     def mean(lanes, weights):
         found = jax.vmap(lambda lane: heights(lane, adjoint=REVERSE))(lanes)
@@ -121,7 +123,7 @@ def test_derivatives_after_an_impact_agree_with_differences(reverse):
             assert reverse[lane, -1, k] == pytest.approx(expected, rel=2e-3)
 
 
-def test_grad_without_adjoint_names_the_remedy():
+def test_grad_without_adjoint_raises_with_the_remedy():
     scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))})
 
     def flown(speed):
@@ -138,12 +140,12 @@ def overflowing():
     """A scheme, a packed scene, and a run whose first trial step overflows."""
     scene, state = rod(-1.1 * CLEARANCE)
     scheme = Scheme.of(cj.Settings(solver=diffrax.Bosh3(), landing_tolerance=None))
-    form, times = structured(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
+    form, times = fold_constants(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
     return scheme, form, begin(scheme, form, state, *times, False, None)
 
 
-def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
-    """It is rejected, so that the state after it is the state before; JAX alone makes NaN of it."""
+def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
+    """It is rejected, so the state is unchanged; without the gate, JAX would return NaN."""
     scheme, form, now = overflowing
     method, system = scheme.method, scheme.unpacked(form)
 
@@ -157,7 +159,7 @@ def test_overflowing_trial_leaves_reverse_derivatives_alone(overflowing):
     assert all(slope == 1.0 for slope in jax.tree.leaves(slopes))
 
 
-def test_without_adjoint_nothing_of_it_is_in_the_program(overflowing):
+def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
     arguments = (scheme, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
@@ -171,7 +173,7 @@ def test_other_adjoints_are_refused(adjoint):
         cj.simulate(*rod(), END, adjoint=adjoint)
 
 
-def test_checkpoints_are_those_asked_for():
+def test_the_number_of_checkpoints_is_that_of_the_adjoint():
     assert loops_for(None) is PLAIN
     assert loops_for(diffrax.RecursiveCheckpointAdjoint(checkpoints=7)) == CheckpointedLoops(7)
 
@@ -181,7 +183,7 @@ def test_reverse_derivatives_against_the_reference():
     """The paper's pendulum after its first impact, against the extended-precision table."""
 
     def height(parameters):
-        scene, state = cj.double_pendulum()
+        scene, state = cj.mechanisms.double_pendulum()
         scene = eqx.tree_at(
             lambda s: (
                 s.joints["shoulder"].clearance,
@@ -206,17 +208,19 @@ POSITIONS = {"centred": 0.0, "touching": CLEARANCE, "deep": 1.02 * CLEARANCE}
 
 @pytest.fixture(scope="module")
 def kernel():
-    """Tangents and cotangents of the equations of motion at a height of the journal, at rest: no
-    slip, no entry speed. All numbers of the scene, the state and the memory vary."""
-    law = cj.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
-    scene, state = cj.double_pendulum(
-        friction=cj.Ambrosio(0.1, lower_speed=0.0), axial=cj.EndPlay(1e-3, cj.Hertz(1e9)), law=law
+    """Return tangents and cotangents of the equations of motion at a height of the journal, at
+    rest, along all numbers of the scene, the state and the entry speeds."""
+    law = cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=STEEL)
+    scene, state = cj.mechanisms.double_pendulum(
+        friction=cj.frictions.Ambrosio(0.1, lower_speed=0.0),
+        axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9)),
+        law=law,
     )
-    form = structured(scene)
-    numbers, shape = jax.tree.flatten((form.tree, state.bodies, MEMORY))
+    form = fold_constants(scene)
+    numbers, shape = jax.tree.flatten((form.tree, state.bodies, ENTRY_SPEEDS))
 
     def rates(numbers, height):
-        tree, bodies, memory = jax.tree.unflatten(shape, numbers)
+        tree, bodies, entry_speeds = jax.tree.unflatten(shape, numbers)
         system = System(unpack(tree), Formulation())
         lifted = {
             name: eqx.tree_at(
@@ -225,8 +229,8 @@ def kernel():
             for name, body in bodies.items()
         }
         y = system.encode(unpack(lifted))
-        found = system.reaches(y)
-        results = (system.rates(y, memory, 0.0), found)
+        found = system.contact_gaps(y)
+        results = (system.rates(y, entry_speeds, 0.0), found)
         return [jnp.asarray(x, dtype=float) for x in jax.tree.leaves(results)]
 
     random = np.random.default_rng(4)
@@ -254,11 +258,11 @@ def test_equations_of_motion_have_finite_derivatives(kernel, position):
 
 
 def test_force_at_zero_depth_is_that_of_the_flight():
-    """Hertz: both sides have slope zero. Linear: the flight's, since a contact has depth."""
+    """Hertz: the slope is zero on both sides. Linear: that of the flight."""
     for law in (
-        cj.Hertz(1e9),
-        cj.Hertz(1e9, exponent=1.0),
-        cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9),
+        cj.laws.Hertz(1e9),
+        cj.laws.Hertz(1e9, exponent=1.0),
+        cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9),
     ):
         slopes = jax.grad(lambda d, law=law: contact_normal_force(law, Gap(d, 0.1), 0.1))(0.0)
         assert slopes == 0.0
@@ -266,14 +270,17 @@ def test_force_at_zero_depth_is_that_of_the_flight():
 
 def test_damping_at_zero_entry_speed_is_that_of_the_floor():
     """F = K delta^1.5 (1 + chi rate/floor) for either sign of a rate below the floor."""
-    law = cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9, entry_speed_floor=1e-3)
+    law = cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9, entry_speed_floor=1e-3)
     slope = jax.grad(lambda rate: contact_normal_force(law, Gap(1e-6, rate), 0.0))(0.0)
     assert slope == pytest.approx(1e9 * 1e-9 * 0.75 * 0.75 / 1e-3, rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("law", "slope"),
-    [(cj.RegularisedCoulomb(0.2, 1e-2), 20.0), (cj.Ambrosio(0.2, 0.0, 1e-2), 20.0)],
+    [
+        (cj.frictions.RegularisedCoulomb(0.2, 1e-2), 20.0),
+        (cj.frictions.Ambrosio(0.2, 0.0, 1e-2), 20.0),
+    ],
     ids=["Coulomb", "Ambrosio from rest"],
 )
 def test_friction_at_zero_slip_has_the_slope_of_either_side(law, slope):

@@ -1,4 +1,4 @@
-"""Where steps land: crossings of the wall, and visits shorter than a step."""
+"""Landing of steps on contact events, including contacts shorter than a step."""
 
 import diffrax
 import equinox as eqx
@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_events import Reach, initial_memory
+from clearjoint.dynamics.contact_events import ContactGap, initial_entry_speeds
 from clearjoint.model.contact.laws import UNKNOWN_ENTRY_SPEED
-from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.step.landing import Landing
 
 LANDING = Landing(1e-12)
 
 
 def _reaches(depth, rate):
-    return {"pin": {"V": Reach(jnp.asarray(depth), jnp.asarray(rate))}}
+    return {"pin": {"V": ContactGap(jnp.asarray(depth), jnp.asarray(rate))}}
 
 
 def _parabola(top, at, bend, t):
-    """Depth and rate of a parabola that has its top at a time."""
+    """Return depth and rate of a parabola with its maximum at a given time."""
     return _reaches(top - 0.5 * bend * (t - at) ** 2, -bend * (t - at))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["grazes the wall", "parts for a moment"])
-def test_a_visit_within_a_step_is_landed_on(sign):
-    """Landing comes near the wall from the side of the start; the next steps see it ahead."""
+def test_a_contact_within_a_step_is_landed_on(sign):
+    """The landing is near the wall on the side of the start; the next steps predict the event."""
     top, at, bend, h = sign * 1e-9, 0.4e-3, sign * 9.81, 1e-3
     before, after = (_parabola(top, at, bend, t) for t in (0.0, h))
     retries, t = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(h))
@@ -36,7 +36,7 @@ def test_a_visit_within_a_step_is_landed_on(sign):
 
 
 @pytest.mark.parametrize("top", [-1e-9, 0.5e-12], ids=["misses", "within the tolerance"])
-def test_what_stays_away_is_not_landed_on(top):
+def test_a_gap_that_stays_open_is_not_landed_on(top):
     before, after = (_parabola(top, 0.4e-3, 9.81, t) for t in (0.0, 1e-3))
     retries, _ = LANDING.retry(before, after, jnp.zeros(()), jnp.asarray(1e-3))
     assert not bool(retries)
@@ -62,8 +62,8 @@ def test_slow_contacts_are_landed_on_closer(rate, depth):
     assert not bool(LANDING.retry(_reaches(-1e-9, rate), within, 0.0, jnp.asarray(h))[0])
 
 
-CLEARANCE, LAW = 5e-4, cj.LankaraniNikravesh(restitution=0.5, stiffness=1e9)
-HELD = cj.Scene(
+CLEARANCE, LAW = 5e-4, cj.laws.LankaraniNikravesh(restitution=0.5, stiffness=1e9)
+SCENE = cj.Scene(
     {"rod": cj.Body(1.0, (1e-3, 1e-3, 1e-3))},
     {
         "pin": cj.ClearanceJoint(
@@ -80,8 +80,10 @@ HELD = cj.Scene(
 
 @pytest.fixture(scope="module")
 def rebounds():
-    """Restitutions of a journal that starts at the wall, shape (sides, directions): short of the
-    wall by a rounding, at it, and past it."""
+    """Restitutions of a journal that starts at the wall, shape (sides, directions).
+
+    The start is before the wall by a rounding, at it, and past it.
+    """
     speed = 0.1
     at_rest = cj.State({"rod": cj.body_state(np.zeros(3))})
 
@@ -93,28 +95,28 @@ def rebounds():
             (CLEARANCE * side * way, speed * way),
         )
         few_stages = cj.Settings(solver=diffrax.Bosh3())  # compiles in half the time
-        final = cj.simulate(HELD, state, 1e-3, few_stages).final
+        final = cj.simulate(SCENE, state, 1e-3, few_stages).final
         return -(final.bodies["rod"].velocity @ way) / speed
 
     angles, sides = np.linspace(0.0, 5.0, 6), 1.0 + 4e-16 * np.array([-1.0, 0.0, 1.0])
     over_angles = jax.vmap(rebound, in_axes=(None, 0))
-    found = jax.jit(jax.vmap(over_angles, in_axes=(0, None)))(sides, angles)
-    return found, LAW.delivered_restitution()
+    result = jax.jit(jax.vmap(over_angles, in_axes=(0, None)))(sides, angles)
+    return result, LAW.delivered_restitution()
 
 
 def test_a_start_at_the_wall_is_an_onset_on_either_side(rebounds):
-    found, delivered = rebounds
-    np.testing.assert_allclose(found, delivered, rtol=2e-4)
+    result, delivered = rebounds
+    np.testing.assert_allclose(result, delivered, rtol=2e-4)
 
 
 def test_a_start_at_the_wall_at_rest_is_an_onset_too():
-    """Which speed it has is then rounding's as well: the law floors it."""
+    """Its speed is also due to rounding: the law applies its floor."""
     for rate in (0.0, 1e-18, -1e-18):
-        found = {"pin": {base: Reach(jnp.asarray(1e-17), jnp.asarray(rate)) for base in "VW"}}
-        memory = initial_memory(HELD, found)["pin"]
-        assert memory["V"] == memory["W"] == 1e-12
+        result = {"pin": {base: ContactGap(jnp.asarray(1e-17), jnp.asarray(rate)) for base in "VW"}}
+        entry_speeds = initial_entry_speeds(SCENE, result)["pin"]
+        assert entry_speeds["V"] == entry_speeds["W"] == 1e-12
 
 
 def test_a_contact_well_inside_at_the_start_counts_as_elastic():
-    found = {"pin": {base: Reach(jnp.asarray(1e-9), jnp.asarray(0.1)) for base in "VW"}}
-    assert initial_memory(HELD, found)["pin"]["V"] == UNKNOWN_ENTRY_SPEED
+    result = {"pin": {base: ContactGap(jnp.asarray(1e-9), jnp.asarray(0.1)) for base in "VW"}}
+    assert initial_entry_speeds(SCENE, result)["pin"]["V"] == UNKNOWN_ENTRY_SPEED

@@ -7,12 +7,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO
-from clearjoint.simulation.sampling import sampled_compiled
+from clearjoint.simulation.run.sampling import sampled_compiled
 from tests.support.recorded_rod import recorded_rod
 
 LATE = (2.0**14, 2.0**20)
-"""s: at 2^20 times are told apart by 1e-10 s, in which an impact travels a hundred times as far as
-steps land from it."""
+"""s: at 2^20 s the spacing of times is 1e-10 s; in that time an impacting journal moves a hundred
+landing tolerances."""
 
 
 @pytest.mark.slow
@@ -28,14 +28,14 @@ def test_a_run_is_the_same_whenever_it_starts():
             np.testing.assert_allclose(late.values[name], early.values[name], rtol=1e-9)
             np.testing.assert_allclose(late.derivatives[name], early.derivatives[name], rtol=1e-9)
         np.testing.assert_allclose(late.impacts.onset, start + early.impacts.onset, rtol=1e-15)
-        here, there = late.sections["deepest"], early.sections["deepest"]
-        np.testing.assert_allclose(here.times, start + there.times, rtol=1e-15)
-        np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-9)
+        later, earlier = late.sections["deepest"], early.sections["deepest"]
+        np.testing.assert_allclose(later.times, start + earlier.times, rtol=1e-15)
+        np.testing.assert_allclose(later.values["height"], earlier.values["height"], rtol=1e-9)
         assert sampled_compiled.programs() == programs
         np.testing.assert_allclose(late.impacts.duration, early.impacts.duration, rtol=1e-9)
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     """A force along X on a body from a time on, s, growing by `slope` from there, N/s."""
 
     body: str = eqx.field(static=True)
@@ -54,27 +54,27 @@ class Push(cj.AbstractForce):
 
 
 @pytest.mark.parametrize("start", [0.0, 2.0**20])
-def test_what_changes_with_time_does_so_by_the_clock_of_the_scene(start):
+def test_forces_that_depend_on_time_use_the_time_of_the_scene(start):
     """m x'' = 1 + b s, s = t - t_s, so x = (s^2/2 + b s^3/6)/m, with sections where x = x_0."""
     mass, slope, after = 2.0, 3.0, 0.75
     push = Push("mass", start + 0.25, slope)
     scene = cj.Scene({"mass": cj.Body(mass, (1.0, 1.0, 1.0))}, forces={"push": push})
-    place = cj.quantities.Position("mass", "x")
+    x_of = cj.quantities.Position("mass", "x")
     reached = (0.5**2 / 2.0 + slope * 0.5**3 / 6.0) / mass
-    section = cj.Section(lambda now: place(now) - reached, {"x": (place, "m")}, 2)
-    found = cj.sensitivities(
+    section = cj.Section(lambda now: x_of(now) - reached, {"x": (x_of, "m")}, 2)
+    result = cj.sensitivities(
         scene,
         cj.State({"mass": cj.body_state((0.0, 0.0, 0.0))}),
         start + 1.0,
         {"since": cj.Parameter(lambda s: s.forces["push"].since)},
-        {"x": place},
+        {"x": x_of},
         [start + 0.125, start + 1.0],
         start_time=start,
         save=cj.Saving(sections={"reached": section}),
     )
     x = (after**2 / 2.0 + slope * after**3 / 6.0) / mass
-    np.testing.assert_allclose(found.values["x"], [0.0, x], rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(result.values["x"], [0.0, x], rtol=1e-8, atol=1e-12)
     to_since = -(after + slope * after**2 / 2.0) / mass
-    np.testing.assert_allclose(found.derivatives["x"][:, 0], [0.0, to_since], rtol=1e-8)
-    crossed = found.sections["reached"].times - start
+    np.testing.assert_allclose(result.derivatives["x"][:, 0], [0.0, to_since], rtol=1e-8)
+    crossed = result.sections["reached"].times - start
     np.testing.assert_allclose(crossed, 0.75, atol=0.01)  # roughly, in a step that long

@@ -17,7 +17,7 @@ from clearjoint.simulation.nonsmooth.bounded_lcp import BoxProblem
 from tests.support.planes import Plane
 
 GRAVITY, HEIGHT, STEP = 9.81, 0.3, 1e-3
-LAW = cj.LankaraniNikravesh(0.7, 1e9)
+LAW = cj.laws.LankaraniNikravesh(0.7, 1e9)
 RESTITUTION = float(LAW.delivered_restitution())
 
 
@@ -38,13 +38,13 @@ ZENO = FALL * (1 + RESTITUTION) / (1 - RESTITUTION)
 APEXES = FALL + np.cumsum(BOUNCES) - BOUNCES / 2
 
 
-def dropped(step: float) -> cj.NonsmoothSolution:
+def dropped(step: float) -> cj.results.NonsmoothSolution:
     times = [*APEXES[:6], 0.99 * ZENO, ZENO + 0.1]
     return cj.simulate_nonsmooth(*ball(), ZENO + 0.3, save=cj.Saving(times), step=step)
 
 
 @pytest.fixture(scope="module")
-def drop() -> cj.NonsmoothSolution:
+def drop() -> cj.results.NonsmoothSolution:
     return dropped(STEP / 10)
 
 
@@ -84,7 +84,7 @@ SIDE = 0.1
 def block(speed: float, slope: float) -> tuple[cj.Scene, cj.State]:
     """A block on two edges, on a floor of which gravity is inclined by an angle."""
     corners = tuple((x, 0.0, -SIDE) for x in (-SIDE, SIDE))
-    friction = cj.RegularisedCoulomb(MU)
+    friction = cj.frictions.RegularisedCoulomb(MU)
     floor = Plane("block", corners, (0.0, 0.0, -1.0), 0.0, LAW, friction)
     gravity = (GRAVITY * np.sin(slope), 1e-9, -GRAVITY * np.cos(slope))
     scene = cj.Scene({"block": cj.Body(3.0, (0.02, 0.02, 0.02))}, {"floor": floor}, gravity=gravity)
@@ -169,7 +169,7 @@ def siconos() -> tuple[cj.Scene, cj.State]:
     joints: dict[str, Any] = {
         name: cj.RevoluteJoint(*pair, axis, axis) for name, pair in ends.items()
     }
-    friction = cj.RegularisedCoulomb(0.01)
+    friction = cj.frictions.RegularisedCoulomb(0.01)
     for name, side in (("lower", -1.0), ("upper", 1.0)):
         corners = tuple((x, side * across, 0.0) for x in (-half, half))
         normal = (0.0, side, 0.0)
@@ -215,7 +215,7 @@ def test_the_slider_crank_agrees_with_siconos_as_far_as_that_goes():
 
 @pytest.fixture(scope="module")
 def pendulum() -> tuple[cj.Scene, cj.State]:
-    return cj.double_pendulum()
+    return cj.mechanisms.double_pendulum()
 
 
 SPAN, TIMES = 0.15, np.linspace(0.01, 0.15, 15)
@@ -271,12 +271,12 @@ def test_a_step_too_long_for_the_clearance_is_refused(pendulum):
         cj.simulate_nonsmooth(scene, state, 4.0, step=1e-3)
 
 
-class Silent(cj.AbstractContactLaw):
+class Silent(cj.extend.AbstractContactLaw):
     """A law that tells nothing of its restitution."""
 
-    has_memory = False
+    uses_entry_speed = False
 
-    def force(self, gap: cj.Gap, entry_speed: Any) -> Any:
+    def force(self, gap: cj.extend.Gap, entry_speed: Any) -> Any:
         return 0.0 * gap.depth
 
     elastic_force = stored_energy = lambda self, gap: 0.0 * gap.depth
@@ -288,12 +288,12 @@ def test_bad_arguments_are_refused(pendulum):
         cj.simulate_nonsmooth(scene, state, 1.0, step=-1.0)
     with pytest.raises(ValueError, match=r"`restitution`.*1\.5"):
         cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3, restitution=1.5)
-    silent, _ = cj.double_pendulum(law=Silent())
+    silent, _ = cj.mechanisms.double_pendulum(law=Silent())
     with pytest.raises(ValueError, match=r"shoulder.*delivered_restitution.*Silent"):
         cj.simulate_nonsmooth(silent, state, 1.0, step=1e-3)
 
 
-class Push(cj.AbstractForce):
+class Push(cj.extend.AbstractForce):
     """A force along X on the ball from `start` to `end`."""
 
     force: Any = quantity("N")
@@ -328,7 +328,7 @@ def test_steps_end_where_a_force_changes():
     np.testing.assert_allclose(ball.position[:, 0], place, rtol=1e-12, atol=1e-12)
 
 
-class Ramp(cj.AbstractRotationDriver):
+class Ramp(cj.extend.AbstractRotationDriver):
     """At rest until the start, and at 10 rad/s from there on."""
 
     start: Any = quantity("s")
@@ -389,8 +389,11 @@ def test_slips_of_two_bases_that_depend_on_each_other_are_solved():
 @pytest.mark.parametrize("coefficient", [0.1, 0.2, 0.3, 0.4])
 def test_impacts_of_both_bases_with_friction_are_solved(restitution, coefficient):
     """A base slides or sticks, and what both have along the axis is one row twice."""
-    law, friction = cj.ExactRestitution(restitution, 1e9), cj.RegularisedCoulomb(coefficient)
-    scene, state = cj.double_pendulum(law=law, friction=friction)
+    law, friction = (
+        cj.laws.ExactRestitution(restitution, 1e9),
+        cj.frictions.RegularisedCoulomb(coefficient),
+    )
+    scene, state = cj.mechanisms.double_pendulum(law=law, friction=friction)
     for step in (1e-4, 2e-5):
         solution = cj.simulate_nonsmooth(scene, state, 0.2, step=step)
         contacts = solution.contacts["shoulder"].values()

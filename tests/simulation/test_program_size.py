@@ -1,4 +1,4 @@
-"""A program that takes long to compile is announced before."""
+"""Warning before a program that takes long to compile."""
 
 import warnings
 
@@ -8,21 +8,21 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import structured
+from clearjoint.math.vectors import fold_constants
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation import program_size
-from clearjoint.simulation.derivative_runs import derivative_scheme
-from clearjoint.simulation.program_size import LARGE, shapes_of
-from clearjoint.simulation.segments import begin
-from clearjoint.simulation.systems import SystemFamily
-from clearjoint.simulation.variational import start_with_tangents
+from clearjoint.simulation.run.derivative_runs import derivative_scheme
+from clearjoint.simulation.run.segments import begin
+from clearjoint.simulation.step import stepping
+from clearjoint.simulation.step.stepping import MANY_OPERATIONS, shapes_of
+from clearjoint.simulation.step.systems import SystemFamily
+from clearjoint.simulation.step.variational import start_with_tangents
 
 SPAN = (0.0, 1.0, 1e-6)
 
 
 def _chain(rods):
-    """Rods in a row along X with hinges about Z and Y in turn."""
+    """Rods in a row along X with hinges about Z and Y alternately."""
     bodies, joints, states = {}, {}, {}
     before, end = "ground", (0.0, 0.0, 0.0)
     for k in range(rods):
@@ -35,8 +35,8 @@ def _chain(rods):
 
 
 def _begun(scene, state):
-    """Trace the begin of a run, which precedes all compiling."""
-    scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), structured(scene)
+    """Trace the start of a run, before anything is compiled."""
+    scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), fold_constants(scene)
     eqx.filter_eval_shape(
         lambda form, state, *span: begin(scheme, form, state, *span, False, None).step.t,
         form,
@@ -56,14 +56,14 @@ def _begun_with_derivatives(scene, state):
     )
 
 
-def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch):
-    """By a limit that a chain of two passes with derivatives, and one of three without."""
-    monkeypatch.setattr(program_size, "LARGE", 300)
+def test_a_large_program_causes_a_warning_before_it_is_compiled(monkeypatch):
+    """The limit is between chains of two and three rods, lower with derivatives."""
+    monkeypatch.setattr(stepping, "MANY_OPERATIONS", 300)
     shorter, longer = _chain(2), _chain(3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _begun(*shorter)
-    with pytest.warns(UserWarning, match="compiling takes half a minute and more"):
+    with pytest.warns(UserWarning, match="compiling takes half a minute or more"):
         _begun_with_derivatives(*shorter)
     with pytest.warns(UserWarning, match=r"operations for each stage .* 8 GB"):
         _begun(*longer)
@@ -72,7 +72,7 @@ def test_a_program_that_is_large_is_announced_before_it_is_compiled(monkeypatch)
 def test_shapes_are_those_of_the_function():
     def many():
         total = jnp.zeros(3)
-        for _ in range(LARGE + 1):
+        for _ in range(MANY_OPERATIONS + 1):
             total = jax.lax.neg(total)
         return total, {"a": 1.0}
 

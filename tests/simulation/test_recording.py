@@ -1,4 +1,4 @@
-"""What is recorded beside derivatives: the states and impacts of a run without them."""
+"""States and impacts that are recorded with derivatives: those of a run without derivatives."""
 
 from dataclasses import fields
 
@@ -8,21 +8,26 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation import sampling as module
-from clearjoint.simulation.contact_step import ContactInstant, end_in_step, peak_in_step
-from clearjoint.simulation.impact_recorder import (
+from clearjoint.simulation.run import sampling as module
+from clearjoint.simulation.run import simulate as simulating
+from clearjoint.simulation.run.impact_recorder import (
     ContactRecord,
     ImpactRow,
     OpenContact,
-    impacts_of,
+    impact_rows_of,
     most,
 )
-from clearjoint.simulation.tables import Table
+from clearjoint.simulation.run.row_buffer import RowBuffer
+from clearjoint.simulation.step.contact_step import (
+    ContactInstant,
+    end_in_step,
+    peak_in_step,
+)
 from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
 
-def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
+def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     found = recorded_rod()
     run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())
     assert found.saved is not None and found.impacts is not None and run.saved is not None
@@ -36,7 +41,7 @@ def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
         run.saved.states,
     )
     assert len(found.impacts) == len(run.impacts) >= 2
-    for field in fields(cj.Impacts):
+    for field in fields(cj.results.Impacts):
         here, there = (getattr(table, field.name) for table in (found.impacts, run.impacts))
         if field.name in ("joint", "contact"):
             assert (here == there).all()
@@ -49,22 +54,33 @@ def test_states_and_impacts_beside_derivatives_are_those_of_a_run():
 
 
 def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
-    """A contact that is over `count` times, one second after another."""
-    table = Table.like(ImpactRow.none(), room)
+    """A contact that ends `count` times, at intervals of one second."""
+    table = RowBuffer.like(ImpactRow.none(), room)
     for k in range(count):
         row = jax.tree.map(lambda leaf, k=k: leaf + k, ImpactRow.none())
         table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))
-    here = ContactInstant(cj.Gap(0.0, 0.0), jnp.zeros(()), None)
+    here = ContactInstant(cj.extend.Gap(0.0, 0.0), jnp.zeros(()), None)
     contact = OpenContact(here, jnp.asarray(False), ImpactRow.none())
     return {"pin": {"V": ContactRecord(contact, table)}}
 
 
-def test_a_full_table_holds_its_rows_and_one_too_short_is_told_by_its_count():
-    assert list(impacts_of(_record(3, 3), 10.0).onset) == [10.0, 11.0, 12.0]
+def test_a_full_table_holds_its_rows_and_its_count_exceeds_the_capacity_if_it_is_too_short():
+    assert [row[2] for row in impact_rows_of(_record(3, 3), 10.0)] == [10.0, 11.0, 12.0]
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
 
 
-def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch):
+def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
+    def kept() -> tuple:
+        run = cj.simulate(*dropped_rod(), END, save=cj.Saving(steps=True, impacts=True))
+        return run.steps, [getattr(run.impacts, field.name) for field in fields(run.impacts)]
+
+    expected = kept()
+    monkeypatch.setattr(simulating, "STEP_ROWS", 7)
+    monkeypatch.setattr(simulating, "IMPACT_ROWS", 1)
+    jax.tree.map(np.testing.assert_array_equal, kept(), expected)
+
+
+def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
     rooms: list[int] = []
 
     def run(kept: module.Kept) -> module.Sampled:
@@ -80,19 +96,19 @@ def test_a_run_with_more_impacts_than_there_is_room_for_is_repeated(monkeypatch)
     assert found.impacts is not None and most(found.impacts) == 20
 
 
-def test_a_step_that_goes_past_the_end_of_a_contact_has_its_peak_and_its_end():
-    """The depth a parabola: steps that don't land end where they like."""
-    law, length = cj.Hertz(1e9), 0.3e-3
+def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
+    """The depth is a parabola; steps without landing end anywhere."""
+    law, length = cj.laws.Hertz(1e9), 0.3e-3
 
     def at(t: float) -> ContactInstant:
         depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
-        gap = cj.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
         return ContactInstant(gap, jnp.asarray(-200.0), None)
 
     start, end = at(0.11e-3), at(0.11e-3 + length)
     peak = peak_in_step(law, start, end, length)
     assert float(peak.depth) == pytest.approx(1e-6, rel=1e-9)
     assert float(peak.force) == pytest.approx(1e9 * 1e-6**1.5, rel=1e-5)
-    assert float(peak.place) == pytest.approx(0.3, abs=2e-3)
+    assert float(peak.fraction) == pytest.approx(0.3, abs=2e-3)
     over = float(end_in_step(law, start, end, length))
     assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)

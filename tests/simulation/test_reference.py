@@ -15,8 +15,8 @@ COLUMNS = {
 }
 
 
-def _run(case: Case, times: np.ndarray, rtol: float) -> cj.Solution:
-    scene, state = cj.double_pendulum(case.clearance, case.restitution)
+def _run(case: Case, times: np.ndarray, rtol: float) -> cj.results.Solution:
+    scene, state = cj.mechanisms.double_pendulum(case.clearance, case.restitution)
     return cj.simulate(
         scene,
         state,
@@ -26,7 +26,7 @@ def _run(case: Case, times: np.ndarray, rtol: float) -> cj.Solution:
     )
 
 
-def _position_errors(solution: cj.Solution, reference: dict[str, np.ndarray]) -> np.ndarray:
+def _position_errors(solution: cj.results.Solution, reference: dict[str, np.ndarray]) -> np.ndarray:
     errors = [
         np.abs(solution.states.bodies[body].position[:, k] - reference[f"r{number}{axis}"])
         for body, number in (("arm 2", 2), ("arm 3", 3))
@@ -69,7 +69,7 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
     """Four impacts of each base lie before 0.07 s. Error against steps at the solver's order, and
     proportional to the tolerance."""
     reference = Case(5e-4, 0.9, 0.07).trajectory(reference_folder)
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     tolerances = 10.0 ** -np.array(exponents)
     errors, steps = [], []
     for rtol in tolerances:
@@ -90,12 +90,12 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
 
 @pytest.mark.parametrize(
     ("preset", "error"),
-    [("look", 2e-7), ("study", 8e-12), ("reference", 1e-13)],
+    [("preview", 2e-7), ("accurate", 8e-12), ("reference", 1e-13)],
 )
 def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
     """Eleven contacts lie before 0.1 s. What `clearjoint.presets` says, with room of two."""
     reference = Case(5e-4, 0.9, 0.1).trajectory(reference_folder)
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     save = cj.Saving(np.minimum(reference["t"], 0.1), impacts=preset == "reference")
     solution = cj.simulate(scene, state, 0.1, getattr(cj.presets, preset), save)
     assert error / 100 < _position_errors(solution, reference).max() < error
@@ -105,7 +105,7 @@ def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
 def test_landing_buys_accuracy_across_impacts(reference_folder):
     """The same tolerance without landing is worse by orders of magnitude."""
     reference = Case(5e-4, 0.9, 0.06).trajectory(reference_folder)
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     errors = {}
     for tolerance in (1e-12, None):
         solution = cj.simulate(
@@ -135,7 +135,7 @@ def test_forces_and_reactions_match_the_reference(reference_folder):
     case = Case(5e-4, 0.9, 0.1)
     reference = case.trajectory(reference_folder)
     solution = _run(case, reference["t"], 1e-10)
-    scene, _ = cj.double_pendulum()
+    scene, _ = cj.mechanisms.double_pendulum()
     observed = cj.observe(scene, solution)
     reaction = np.stack([reference[name] for name in ("Rx", "Ry", "Rz")], axis=1)
     assert np.abs(observed.reactions["elbow"]["arm 3"].force - reaction).max() < 0.05

@@ -7,12 +7,12 @@ import clearjoint as cj
 
 pytestmark = pytest.mark.slow
 CLEARANCE, MASS, WEIGHT = 50e-6, 20.0, 20.0 * 9.81
-FILM = cj.CaponeFilm(0.02)
+FILM = cj.films.CaponeFilm(0.02)
 
 
 def carried(speed):
     """The journal at rest, and where it is over the clearance."""
-    scene, _ = cj.rotor_in_bearing(film=FILM)
+    scene, _ = cj.mechanisms.rotor_in_bearing(film=FILM)
     found = cj.carried_journal(scene.joints["bearing"], (0.0, -WEIGHT), speed)
     return found, np.asarray(found.offset) / CLEARANCE
 
@@ -25,7 +25,7 @@ def offsets(solution):
 @pytest.fixture(scope="module")
 def floating():
     """From rest on the wall, with the energy ledger."""
-    scene, state = cj.rotor_in_bearing(film=FILM)
+    scene, state = cj.mechanisms.rotor_in_bearing(film=FILM)
     save = cj.Saving(np.linspace(0.0, 0.3, 61))
     settings = cj.Settings(rtol=1e-8, ledger=True)
     return scene, cj.simulate(scene, state, 0.3, settings, save, progress=False)
@@ -57,7 +57,7 @@ def test_a_rotor_spirals_in_below_its_threshold_and_out_above(speed, is_stable):
     growth = modes[np.argmax(modes.real)]
     assert (growth.real < 0.0) == is_stable
     start = place + (1e-3, 0.0)
-    scene, state = cj.rotor_in_bearing(film=FILM, speed=speed, offset=tuple(start))
+    scene, state = cj.mechanisms.rotor_in_bearing(film=FILM, speed=speed, offset=tuple(start))
     end = 0.1
     times = np.linspace(0.25 * end, end, 800)
     solution = cj.simulate(
@@ -72,26 +72,30 @@ def test_a_rotor_spirals_in_below_its_threshold_and_out_above(speed, is_stable):
 
 def test_lanes_of_a_sweep_are_single_runs():
     viscosities = np.array([0.015, 0.02, 0.03])
-    scene, state = cj.rotor_in_bearing(film=FILM, offset=(0.0, -0.7))
+    scene, state = cj.mechanisms.rotor_in_bearing(film=FILM, offset=(0.0, -0.7))
     axes = {"mu": cj.Axis(lambda scene: scene.joints["bearing"].film.viscosity, viscosities)}
     force = cj.Peak(cj.quantities.FilmForce("bearing"), "N")
     settings = cj.Settings(ledger=True)
     outputs = {"force": force, "lost": cj.DissipatedEnergy()}
     lanes = cj.sweep(scene, state, 0.02, axes, outputs, settings, progress=False)
     for k, viscosity in enumerate(viscosities):
-        alone, _ = cj.rotor_in_bearing(film=cj.CaponeFilm(viscosity), offset=(0.0, -0.7))
+        alone, _ = cj.mechanisms.rotor_in_bearing(
+            film=cj.films.CaponeFilm(viscosity), offset=(0.0, -0.7)
+        )
         run = cj.simulate(alone, state, 0.02, settings, progress=False)
         lost = run.final.work["normal damping"] + run.final.work["film"]
         assert float(lanes["lost"][k]) == pytest.approx(float(lost), rel=1e-6)
         assert float(lanes["force"][k]) > 0.5 * WEIGHT
 
 
-@pytest.mark.parametrize("kind", [cj.CaponeFilm, cj.ButenschoenFilm, cj.PinkusSternlichtFilm])
+@pytest.mark.parametrize(
+    "kind", [cj.films.CaponeFilm, cj.films.ButenschoenFilm, cj.films.PinkusSternlichtFilm]
+)
 def test_sensitivities_are_those_of_differences(kind):
     end, step = 0.02, 1e-4
 
     def scene_of(viscosity, clearance=CLEARANCE):
-        return cj.rotor_in_bearing(clearance, film=kind(viscosity), offset=(0.1, -0.7))
+        return cj.mechanisms.rotor_in_bearing(clearance, film=kind(viscosity), offset=(0.1, -0.7))
 
     scene, state = scene_of(0.02)
     parameters = {

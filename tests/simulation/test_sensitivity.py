@@ -1,7 +1,5 @@
 """Sensitivities against an event-exact solver in quadruple precision, and closed forms."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import jax
@@ -12,8 +10,8 @@ import pytest
 import clearjoint as cj
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation.derivative_runs import derivative_scheme
-from clearjoint.simulation.sampling import followed
+from clearjoint.simulation.run.derivative_runs import derivative_scheme
+from clearjoint.simulation.run.sampling import followed
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 
@@ -70,7 +68,7 @@ def test_sensitivities_are_those_of_the_event_exact_solver(
     middles = {contact: _during(reference_folder, *contact) for contact in ENTRIES}
     times = np.union1d(TIMES, list(middles.values()))
     found = cj.sensitivities(
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         0.1,
         PARAMETERS,
         OUTPUTS,
@@ -86,7 +84,7 @@ def test_sensitivities_are_those_of_the_event_exact_solver(
 
 def test_derivatives_take_few_more_steps_than_the_motion_alone():
     """Their forces begin and end as roots of time; steps that don't know are twice as many."""
-    pendulum = cj.double_pendulum()
+    pendulum = cj.mechanisms.double_pendulum()
     plain = cj.simulate(*pendulum, 0.1, cj.presets.derivatives)
     for settings, more in ((cj.presets.derivatives, 1.45), (cj.presets.identification, 1.1)):
         found = cj.sensitivities(*pendulum, 0.1, PARAMETERS, OUTPUTS, TIMES, settings)
@@ -97,7 +95,7 @@ def test_derivatives_take_few_more_steps_than_the_motion_alone():
 def test_what_outputs_read_is_arithmetic_without_loops(count):
     """XLA's emitter forgets at each loop what it has written before, and writes it again at every
     use: a single one among the variables made an acceleration's program five times as large."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     parameters = dict(list(PARAMETERS.items())[:count])
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
@@ -119,21 +117,6 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
     assert [name for name in found if name.startswith(loops)] == []
 
 
-ONE_DERIVATIVE = """
-import clearjoint as cj
-cj.configure()
-clearance = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance)
-output = cj.quantities.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y")
-cj.sensitivities(*cj.double_pendulum(), 0.02, {"clearance": clearance}, {"output": output}, [0.02])
-"""
-
-
-@pytest.mark.slow
-def test_one_derivative_of_an_acceleration_compiles_in_time():
-    """It takes half a minute; it never ended while the dense output was a reduction."""
-    subprocess.run([sys.executable, "-c", ONE_DERIVATIVE], check=True, timeout=400)
-
-
 def _oscillator(mass=2.0, stiffness=50.0, start=0.3):
     """A mass on a spring of no length along X."""
     origin = (0.0, 0.0, 0.0)
@@ -147,7 +130,7 @@ def test_closed_forms_of_an_oscillator():
     kicked = cj.Parameter.change(
         lambda scene, state, value: (
             scene,
-            cj.put(state, lambda s: s.bodies["mass"].velocity[0], value),
+            cj.set_value(state, lambda s: s.bodies["mass"].velocity[0], value),
         ),
         0.0,
     )
@@ -181,7 +164,8 @@ def test_many_times_are_looked_at_in_blocks():
     times = np.linspace(0.0, 1.5, 301)
     arguments = _oscillator(), parameters, {"x": Q.Position("mass", "x")}
     many, few = (
-        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::stride]) for stride in (1, 10)
+        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
+        for step_outcome in (1, 10)
     )
     for name in ("values", "derivatives"):
         all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]

@@ -13,14 +13,14 @@ import clearjoint as cj
 from clearjoint import presets
 from tests.support.rotor import INERTIA, SPEED, angle, rotor, stiffness_axis
 
-FINER = ("look", "default", "study", "reference")
+FINER = ("preview", "default", "accurate", "reference")
 NAMES = (*FINER, "derivatives", "identification")
 RUNNERS = (
     cj.simulate,
     cj.sweep,
     cj.sensitivities,
     cj.identifiability,
-    cj.horizon,
+    cj.fit_horizon,
     cj.identify,
     cj.identify_many,
     cj.minimise,
@@ -116,7 +116,7 @@ def sensitivities(settings):
 
 
 def horizon(settings):
-    return cj.horizon(*rotor(), STIFFNESS, SENSORS, settings, uncertainty={"stiffness": 0.1})
+    return cj.fit_horizon(*rotor(), STIFFNESS, SENSORS, settings, uncertainty={"stiffness": 0.1})
 
 
 def sweep(settings, outputs=None):
@@ -219,7 +219,7 @@ def test_derivatives_take_a_first_step_and_a_controller_of_ones_own():
 @pytest.mark.parametrize("end", [5e-324, 1e-310, 1e-300])
 def test_spans_that_are_zero_to_the_processor_are_refused(end):
     """It takes subnormal numbers for zero, and a run of such steps would never end."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     with pytest.raises(ValueError, match="`end_time` must be at least"):
         cj.simulate(scene, state, end)
     with pytest.raises(ValueError, match="`end_time` must be at least"):

@@ -9,7 +9,7 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
-from clearjoint.simulation.recurrence import (
+from clearjoint.simulation.run.recurrence import (
     Strobe,
     columns,
     section_strobe,
@@ -108,7 +108,7 @@ MISTAKEN = {
 def test_what_can_not_settle_is_told(case):
     options, message = MISTAKEN[case]
     with pytest.raises(ValueError, match=message):
-        cj.settle(*cj.double_pendulum(), **options)
+        cj.settle(*cj.mechanisms.double_pendulum(), **options)
 
 
 def pendulum(*dampers):
@@ -156,14 +156,14 @@ def test_a_damped_pendulum_comes_to_rest_and_one_that_has_not_is_said_to():
 def test_a_driven_crank_goes_on_from_where_it_settled():
     """With play in its pin and friction, both from the end and from whole periods before."""
     speed = 300.0
-    scene, state = cj.slider_crank(0.05e-3, speed=speed)
+    scene, state = cj.mechanisms.slider_crank(0.05e-3, speed=speed)
     settled = cj.settle(
         scene, state, period=2.0 * math.pi / speed, periods=40, tolerance=1e-3, largest_multiple=2
     )
     assert settled.kind in (Settling.PERIODIC, Settling.STATIONARY)
     assert settled.time == pytest.approx(settled.periods * settled.period)
     after = [
-        cj.simulate(scene, settled.state, start + 1e-3, cj.presets.study, start_time=start).final
+        cj.simulate(scene, settled.state, start + 1e-3, cj.presets.accurate, start_time=start).final
         for start in (settled.time, settled.start_time)
     ]
     for one, other in zip(*(run.bodies.values() for run in after), strict=True):

@@ -9,12 +9,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.simulation.host_run import segment_compiled
-from clearjoint.simulation.landing import Landing
-from clearjoint.simulation.method import Scheme
-from clearjoint.simulation.segments import begin, segment
-from clearjoint.simulation.solvers import default_controller, ready_solver
-from clearjoint.simulation.step_state import Method
+from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.step.landing import Landing
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.solvers import default_controller, ready_solver
+from clearjoint.simulation.step.step_state import Method
 
 END = 0.05
 FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())
@@ -23,7 +23,7 @@ FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())
 
 def hung(**options):
     """Arm 2 of the paper's pendulum without arm 3: half as much to compile."""
-    scene, state = cj.double_pendulum(**options)
+    scene, state = cj.mechanisms.double_pendulum(**options)
     arm, shoulder = scene.bodies["arm 2"], scene.joints["shoulder"]
     alone = cj.Scene({"arm 2": arm}, {"shoulder": shoulder}, gravity=scene.gravity)
     return alone, cj.State({"arm 2": state.bodies["arm 2"]})
@@ -107,7 +107,7 @@ def test_a_run_can_be_continued(pendulum, plain):
     """The final state with its memory goes on, in the middle of a contact too."""
     scene, state = pendulum
     half = cj.simulate(scene, state, 0.0102, cj.Settings(rtol=1e-9))
-    assert half.final.memory["shoulder"]["V"] > 0.0
+    assert half.final.entry_speeds["shoulder"]["V"] > 0.0
     rest = cj.simulate(scene, half.final, END, cj.Settings(rtol=1e-9), start_time=0.0102)
     whole = cj.simulate(scene, state, END, cj.Settings(rtol=1e-9))
     assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
@@ -213,7 +213,7 @@ def test_a_failing_lane_leaves_the_others_alone(pendulum):
 @pytest.mark.slow
 def test_forward_derivative_through_impacts():
     """Three impacts: the derivative by the clearance, against the extended-precision table."""
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
 
     def height(log_clearance):
         swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
@@ -235,8 +235,8 @@ def test_memoryless_and_free_scenes_run():
     np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
     observed = cj.observe(scene, solution)
     assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
-    hertz, state = hung(law=cj.Hertz(6.6e10))
-    assert cj.simulate(hertz, state, 0.02).final.memory == {}
+    hertz, state = hung(law=cj.laws.Hertz(6.6e10))
+    assert cj.simulate(hertz, state, 0.02).final.entry_speeds == {}
 
 
 def test_contact_at_the_start_counts_as_elastic(pendulum):

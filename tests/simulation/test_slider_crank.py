@@ -67,8 +67,8 @@ def test_newton_and_euler_give_the_table():
 
 
 @pytest.fixture(scope="module")
-def ideal_run() -> tuple[cj.Solution, cj.Observation]:
-    scene, state = cj.slider_crank(clearance=None)
+def ideal_run() -> tuple[cj.results.Solution, cj.results.Observation]:
+    scene, state = cj.mechanisms.slider_crank(clearance=None)
     solution = cj.simulate(
         scene, state, REVOLUTION, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(revolution())
     )
@@ -101,7 +101,7 @@ def test_ideal_mechanism_follows_newton_and_euler(ideal_run):
 @pytest.mark.parametrize("angle", [0.0, 2.0, -1.0, 100.0])
 def test_state_and_constraints_fit_at_every_angle(clearance, angle):
     """No row is redundant, and the start satisfies all of them to rounding."""
-    scene, state = cj.slider_crank(clearance, angle=angle, speed=-300.0)
+    scene, state = cj.mechanisms.slider_crank(clearance, angle=angle, speed=-300.0)
     report = cj.constraint_report(scene, state)
     assert report.redundant == ()
     assert report.degrees_of_freedom() == (0 if clearance is None else 2)
@@ -117,7 +117,7 @@ def test_crank_driven_by_a_torque():
     at unit speed."""
     torque = 20.0
     motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
-    scene, state = cj.slider_crank(None, speed=200.0, angle=1.0, motor=motor)
+    scene, state = cj.mechanisms.slider_crank(None, speed=200.0, angle=1.0, motor=motor)
     times = np.linspace(0.0, 0.04, 81)
     solution = cj.simulate(scene, state, 0.04, cj.Settings(rtol=1e-9), save=cj.Saving(times))
     crank = solution.states.bodies["crank"]
@@ -141,7 +141,7 @@ def clearance_runs() -> dict[float, Any]:
     """One revolution with 0.5, 0.05 and 0.005 mm; they share a compiled program."""
     runs = {}
     for clearance in (5e-4, 5e-5, 5e-6):
-        scene, state = cj.slider_crank(clearance)
+        scene, state = cj.mechanisms.slider_crank(clearance)
         solution = cj.simulate(
             scene,
             state,
@@ -239,7 +239,7 @@ def test_clearance_makes_peaks(clearance_runs):
 def test_absolute_and_joint_coordinates_agree_within_the_horizon():
     """Through nine impacts of each base, a fifth of a revolution; in absolute coordinates all 16
     rows are stabilised constraints."""
-    scene, state = cj.slider_crank()
+    scene, state = cj.mechanisms.slider_crank()
     times = np.linspace(0.0, 2.5e-3, 251)
     joint, absolute = (
         cj.simulate(

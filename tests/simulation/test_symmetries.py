@@ -33,7 +33,7 @@ factors = st.floats(0.2, 5.0).map(lambda x: round(x, 3))
 
 def solved(
     numbers: Hinged, names=NAMES, here=None, begin=0.0, end=None, coordinates=JOINT
-) -> cj.Solution:
+) -> cj.results.Solution:
     """A run; all of one mechanism's names and coordinates share a program."""
     return simulated(
         scene(numbers, names),
@@ -45,7 +45,9 @@ def solved(
     )
 
 
-def simulated(built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT) -> cj.Solution:
+def simulated(
+    built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT
+) -> cj.results.Solution:
     return cj.simulate(
         built,
         here,
@@ -175,7 +177,7 @@ def backwards(numbers: Hinged) -> cj.State:
         gravity=straight.gravity,
     )
     assert list(turned.bodies) != list(straight.bodies)
-    start = cj.State(dict(reversed(first.bodies.items())), first.memory)
+    start = cj.State(dict(reversed(first.bodies.items())), first.entry_speeds)
     return simulated(turned, start, numbers, numbers.end_time).final
 
 
@@ -274,7 +276,7 @@ def in_contact(numbers: Hinged) -> float:
 def test_split_in_contact_without_its_memory_differs():
     numbers = drawn(1)
     middle = in_contact(numbers)
-    half = cj.State(run(numbers, end=middle).bodies, state(numbers).memory)
+    half = cj.State(run(numbers, end=middle).bodies, state(numbers).entry_speeds)
     assert apart(outcome(run(numbers, here=half, begin=middle)), ended(numbers)) > FAR
 
 

@@ -1,4 +1,4 @@
-"""Wear of a bearing's wall: by hand on a journal that is held, and in sweeps."""
+"""Wear of a bearing's wall: by hand for a journal at rest on the wall, and in sweeps."""
 
 import numpy as np
 import pytest
@@ -13,17 +13,17 @@ COEFFICIENT, HARDNESS = 1e-5, 2e9
 STIFFNESS = 1e10
 WEAR = cj.ArchardWear("bearing", COEFFICIENT, HARDNESS, sectors=6)
 DEPTH = (0.5 * MASS * 9.81 / STIFFNESS) ** (2 / 3)
-"""m, at which the wall carries the rotor."""
+"""m: penetration at which the wall carries the rotor."""
 RATE = COEFFICIENT * MASS * 9.81 * SPEED * (RADIUS - CLEARANCE) / HARDNESS
-"""m^3/s: the whole weight slides at the journal's surface."""
+"""m^3/s: rate of wear with the whole weight sliding at the speed of the journal's surface."""
 
 
 def resting(angle=-np.pi / 2):
-    """A rotor that turns where the wall carries it, at an angle about the bearing's axis."""
+    """A rotor that rotates while the wall carries it, at an angle about the bearing's axis."""
     place = (1.0 + DEPTH / CLEARANCE) * np.array([np.cos(angle), np.sin(angle)])
     pull = 9.81 * np.array([np.cos(angle), np.sin(angle), 0.0])
-    return cj.rotor_in_bearing(
-        CLEARANCE, speed=SPEED, offset=tuple(place), law=cj.Hertz(STIFFNESS), gravity=pull
+    return cj.mechanisms.rotor_in_bearing(
+        CLEARANCE, speed=SPEED, offset=tuple(place), law=cj.laws.Hertz(STIFFNESS), gravity=pull
     )
 
 
@@ -35,7 +35,7 @@ def instant(time, angle):
 
 
 @pytest.mark.parametrize(("angle", "sector"), [(-1.0, 6), (0.1, 1), (1.2, 2), (-np.pi / 2, 5)])
-def test_a_held_journal_wears_its_sector(angle, sector):
+def test_a_journal_on_the_wall_wears_its_sector(angle, sector):
     tally = WEAR.update(WEAR.start(instant(1.0, angle)), instant(4.0, angle))
     volumes = {name: float(worn) for name, worn in WEAR.results(tally, instant(4.0, angle)).items()}
     assert volumes[""] == pytest.approx(3.0 * RATE, rel=1e-6)
@@ -56,7 +56,7 @@ def test_wrong_arguments_are_refused():
 
 @pytest.mark.slow
 def test_steady_sliding_and_bounces_in_a_sweep():
-    """V = k F s/H of a journal at rest on the wall; sectors add up also where it bounces."""
+    """V = k F s/H for a journal on the wall; sectors add up, also if it bounces."""
     end, speeds = 0.02, np.array([100.0, 200.0])
     axis = cj.Axis(lambda scene: scene.joints["motor"].speed, speeds)
     spin = cj.Axis.initial(lambda state: state.bodies["rotor"].spin[2], speeds)

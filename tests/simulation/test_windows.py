@@ -1,4 +1,4 @@
-"""Windows in time of reductions, and quantiles: over steps of an invented run, and in real ones."""
+"""Time windows of reductions, and quantiles: over steps of a synthetic run, and in real runs."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,19 +10,19 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.math.interpolation import Parabola
-from clearjoint.simulation.windows import Window
+from clearjoint.simulation.reductions.windows import Window
 from tests.support.dropped_rod import dropped_rod
 from tests.support.programs import primitives
 
 W = 7.0
 ENDS = np.cumsum([0.0, *np.random.default_rng(3).uniform(0.005, 0.02, 160)])
-"""The ends of invented steps, s, up to some 2 s: eight tenths of a period and more each."""
+"""Ends of the synthetic steps, s, up to about 2 s; each at least 0.8 periods long."""
 WINDOWS = [(None, None), (0.3013, 0.8021), (0.40001, 0.40302)]
 
 
 @dataclass
 class Depth:
-    """Of an invented contact, m and m/s."""
+    """Depth, m, and rate, m/s, of a synthetic contact."""
 
     depth: jax.Array
     rate: jax.Array
@@ -31,7 +31,7 @@ class Depth:
 @partial(jax.tree_util.register_dataclass, data_fields=["time"], meta_fields=["before"])
 @dataclass
 class Fake:
-    """An instant of an invented run: everything in it is a function of time."""
+    """An instant of a synthetic run: everything in it is a function of time."""
 
     time: jax.Array
     before: float = 0.0
@@ -49,7 +49,7 @@ class Fake:
         return {"friction": self.time**2, "film": jnp.sin(self.time)}
 
     @property
-    def reaches(self):
+    def contact_gaps(self):
         return {"pin": {"V": Depth(wave(self), W * jnp.cos(W * self.time))}}
 
 
@@ -58,7 +58,7 @@ def wave(now):
 
 
 def reduced(reductions: dict) -> dict:
-    """What reductions make of the invented run, by their keys: one program for all."""
+    """Results of the reductions for the synthetic run, by their keys; one program for all."""
 
     def step(tallies, span):
         now = Fake(span[1], span[0])
@@ -119,7 +119,7 @@ def test_reductions_are_those_of_the_window(found, window):
         assert found[f"quantiles {window}"][f"{level:g}"] == pytest.approx(quantile, abs=0.025)
 
 
-def test_quantiles_beyond_the_edges_are_not_made_up(found):
+def test_quantiles_beyond_the_edges_are_nan(found):
     beyond = found["beyond"]
     assert np.isnan(beyond["0.05"]) and np.isnan(beyond["0.95"]) and abs(beyond["0.5"]) < 0.5
 
@@ -132,7 +132,7 @@ def test_a_window_that_no_run_reaches_has_no_results():
         assert np.isnan([float(value) for value in results.values()]).all(), reduction
 
 
-def test_a_parabola_is_below_a_level_where_it_is():
+def test_part_of_a_parabola_below_a_level():
     generator = np.random.default_rng(0)
     places = np.linspace(0.0, 1.0, 20_001)
     for scale in (1.0, 1e-9, 1e7):
@@ -149,7 +149,7 @@ def test_a_parabola_is_below_a_level_where_it_is():
     assert found == pytest.approx([0.0, 0.0, 0.5])
 
 
-def test_a_whole_run_has_nothing_of_a_window_in_its_program():
+def test_without_a_window_the_program_has_none():
     def operations(reduction):
         tally = reduction.start(Fake(jnp.asarray(0.0)))
         step = jax.make_jaxpr(lambda tally, t: reduction.update(tally, Fake(t, 0.0)))
@@ -174,14 +174,14 @@ def test_a_whole_run_has_nothing_of_a_window_in_its_program():
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], 95), "`levels`.*0.95 for 95 %"),
     ],
 )
-def test_windows_and_edges_that_are_none_are_refused(make, message):
+def test_invalid_windows_and_edges_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
 
 def test_impacts_of_a_window():
     rows = [("pin", "V", t, t + 0.1, 0.1, 1.0, 0.9, 1e3 * t, t, 1e-6) for t in (0.1, 0.2, 0.3)]
-    impacts = cj.Impacts.of_rows(rows)
+    impacts = cj.results.Impacts.of_rows(rows)
     np.testing.assert_array_equal(impacts.within(0.2, 0.3).onset, [0.2])
     np.testing.assert_array_equal(impacts.within(after=0.2).peak_force, [200.0, 300.0])
     assert len(impacts.within()) == 3 and Window(None, None).is_whole
@@ -189,7 +189,7 @@ def test_impacts_of_a_window():
 
 @pytest.mark.slow
 def test_windows_of_a_sweep_are_those_of_the_run():
-    """Two impacts; windows beside each other have together what the whole run has."""
+    """Two impacts; adjacent windows together equal the whole run."""
     scene, start = dropped_rod()
     end, cut, q = 0.03, 0.0213, cj.quantities
     settings = cj.Settings(ledger=True)

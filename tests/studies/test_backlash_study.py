@@ -1,4 +1,4 @@
-"""The study of backlash runs, and what it calls exact is."""
+"""The study of backlash, and its closed form."""
 
 import importlib.util
 
@@ -44,15 +44,15 @@ def test_its_derivative_is_that_of_differences():
 
 @pytest.mark.slow
 @needs_mujoco
-def test_the_study_runs_quickly_and_finds_what_its_readme_says(tmp_path):
+def test_quick_study_finds_the_differences_of_its_readme(tmp_path):
     from studies.backlash.__main__ import main
-    from studies.backlash.trials import HERE, derivatives, motions
+    from studies.backlash.trials import CLEARJOINT, derivatives, motions
 
     main(["--quick", "--output", str(tmp_path)])
     assert {path.name for path in tmp_path.iterdir()} == {"backlash.png"}
     for trials, most in ((motions(True), 1e-5), (derivatives(True), 1e-4)):
-        ours = [trial.errors[0] for trial in trials if trial.who == HERE]
-        theirs = [trial.errors[0] for trial in trials if trial.who != HERE]
+        ours = [trial.errors[0] for trial in trials if trial.who == CLEARJOINT]
+        theirs = [trial.errors[0] for trial in trials if trial.who != CLEARJOINT]
         assert max(ours) < most and max(ours) < 0.1 * min(theirs)
 
 

@@ -1,4 +1,4 @@
-"""The benchmark's rows in the quick setting, and that its C++ moves as clearjoint does."""
+"""The benchmark: its rows in the quick setting, and the agreement of its C++ with clearjoint."""
 
 import json
 from importlib.util import find_spec
@@ -82,7 +82,7 @@ def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("CXX", "false")
     assert yardstick.build(tmp_path) is None
     printed = capsys.readouterr().out
-    assert "No C++ compiler" in printed and "failed: rows beside C++ have no ratio" in printed
+    assert "No C++ compiler" in printed and "failed: rows with C++ have no ratio" in printed
 
 
 def test_rows_of_sweeps(plan):
@@ -90,7 +90,7 @@ def test_rows_of_sweeps(plan):
     ratios(rows)
     beside = [one.yardstick for one in rows[:2]]
     assert beside == list(yardstick.WIDTHS)
-    on_two = [one for one in rows if "two threads" in one.what]
+    on_two = [one for one in rows if "two threads" in one.label]
     assert len(on_two) == (0 if len(cores()) == 1 else 3)
 
 
@@ -119,12 +119,12 @@ def test_rows_of_backlash(plan):
 
 
 def test_chains_of_both_programs_are_alike():
-    here = backlash_chain.Here(1)
+    here = backlash_chain.ClearjointChain(1)
     angles, _ = here.run(1e-9)
     alone = backlash_chain.SPEED * backlash_chain.SPAN  # of a rotor that meets nothing
     assert 0.0 < angles[0] < alone
     if find_spec("mujoco"):
-        there, _ = backlash_chain.There(1).run(1e-6)
+        there, _ = backlash_chain.MujocoChain(1).run(1e-6)
         # One joint has no loads from elsewhere, so that both contacts are the same.
         np.testing.assert_allclose(there, angles, atol=1e-5)
 

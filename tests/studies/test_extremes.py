@@ -1,18 +1,18 @@
-"""Extremes: the study's quick setting, what it judges by, and what it had refused."""
+"""The study of extremes: its quick setting, its invariants, and refused numbers."""
 
 import equinox as eqx
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.results import RESULTS
-from clearjoint.simulation.trial_step import REJECTED_ERROR
+from clearjoint.result_codes import RESULTS
+from clearjoint.simulation.step.trial_step import REJECTED_ERROR
 from studies.extremes import findings as extremes
 from studies.extremes.cases import BASE, damping_factor, delivered, thrown
+from studies.extremes.entries import REFUSED, RIGHT, WRONG, judged
 from studies.extremes.families import FAMILIES, NAMES, draws
 from studies.extremes.figure import drawn_map
 from studies.extremes.invariants import contact_energy, kinetic_energy, poses
-from studies.extremes.looks import REFUSED, RIGHT, WRONG, judged
 from studies.extremes.report import case_table
 from studies.extremes.runs import Lane
 from studies.extremes.single_runs import four_bar
@@ -40,13 +40,15 @@ def test_every_case_is_right_somewhere(findings):
 @pytest.mark.parametrize("name", ["deep start", "tilted journal"])
 def test_a_journal_in_the_wall_has_left_its_bearing(findings, name):
     (row,) = [row for row in findings.rows if row.name == name]
-    assert [look.reason for look in row.looks if look.verdict == REFUSED] == ["left_bearing"] * 2
+    assert [entry.reason for entry in row.entries if entry.verdict == REFUSED] == [
+        "left_bearing"
+    ] * 2
 
 
 def test_impossible_numbers_are_refused_with_a_remedy(findings):
     for refusal in findings.refused:
-        assert refusal.said.startswith("Argument `"), refusal.what
-        assert ": " in refusal.said, refusal.what
+        assert refusal.message.startswith("Argument `"), refusal.attempt
+        assert ": " in refusal.message, refusal.attempt
 
 
 def test_report_and_map(findings, tmp_path):
@@ -80,13 +82,13 @@ def test_draws_cover_the_ranges():
 
 
 def test_restitution_identity_agrees_with_its_series():
-    """e = 1 - 2 chi/3 for weak damping; 0.9132 for a request of 0.9 by quadrature."""
+    """e = 1 - 2 chi/3 for weak damping; 0.9132 for a requested 0.9 by quadrature."""
     assert float(delivered(1e-6)) == pytest.approx(1.0 - 2e-6 / 3.0, abs=1e-9)
     assert float(delivered(damping_factor(0.9))) == pytest.approx(0.9132, abs=5e-5)
 
 
 def test_energies_of_a_known_state():
-    """Both bases 1e-4 m in the wall, and 0.1 m/s."""
+    """Both bases have a penetration of 1e-4 m and a speed of 0.1 m/s."""
     draw = BASE | {"eccentricity": 1.0 + 1e-4 / BASE["clearance"]}
     trial = FAMILIES["thrown journal"].trial(draw)
     at = poses(trial.state)
@@ -113,7 +115,7 @@ def test_a_start_with_nothing_to_go_by_is_refused():
     flat = eqx.tree_at(lambda b: b.orientation, body, np.zeros(4))
     for state in (
         cj.State({"journal": flat}),
-        cj.State({"journal": body}, memory={"pin": {"V": np.nan, "W": 0.0}}),
+        cj.State({"journal": body}, entry_speeds={"pin": {"V": np.nan, "W": 0.0}}),
         cj.State({"journal": body}, work={"supplied": np.inf}),
     ):
         with pytest.raises(ValueError, match=r"Argument `state\."):

@@ -1,4 +1,4 @@
-"""A study writes where the user stands; the pictures beside it change only if that is asked for."""
+"""Output folders of studies; pictures in a study's folder change only with `--renew`."""
 
 import argparse
 
@@ -10,7 +10,7 @@ from studies.common.output import Output, add_options
 
 @pytest.fixture
 def drawn(tmp_path, monkeypatch):
-    """Draws with a study's options, as its `__main__` does; the study keeps one picture."""
+    """Return a function that draws with a study's options; one picture is in the study's folder."""
     study = tmp_path / "studies" / "example"
     study.mkdir(parents=True)
     (study / "motion.png").write_bytes(b"kept")
@@ -30,16 +30,16 @@ def drawn(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "place"),
+    ("arguments", "expected"),
     [
         ((), "results/example"),
         (("--quick",), "results/example/quick"),
         (("--output", "mine"), "mine"),
     ],
 )
-def test_a_run_leaves_the_kept_pictures(drawn, arguments, place):
+def test_a_run_leaves_the_kept_pictures(drawn, arguments, expected):
     folder, kept = drawn(*arguments)
-    assert folder.as_posix() == place
+    assert folder.as_posix() == expected
     assert {file.name for file in folder.iterdir()} == {"motion.png", "orbit.png"}
     assert kept == {"motion.png": b"kept"}
 
@@ -49,7 +49,7 @@ def test_renewing_replaces_the_pictures_that_are_kept(drawn):
     assert kept == {"motion.png": (folder / "motion.png").read_bytes()}
 
 
-def test_coarse_pictures_are_not_to_be_kept(drawn, capsys):
+def test_coarse_pictures_cannot_be_kept(drawn, capsys):
     with pytest.raises(SystemExit):
         drawn("--quick", "--renew")
     assert "not allowed with argument" in capsys.readouterr().err

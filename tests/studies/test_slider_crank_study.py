@@ -1,26 +1,25 @@
-"""The slider-crank's study runs in its quick setting."""
+"""The study of the slider-crank in its quick setting."""
 
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from studies.slider_crank.__main__ import main, parse
+from studies.slider_crank.runs import run
 from studies.slider_crank.sweep import periods, with_ratios
 
 
 def test_quick_study_writes_its_files_and_finds_the_closed_forms(tmp_path):
-    main(["--quick", "--output", str(tmp_path)])
+    found = run(*parse(["--quick", "--output", str(tmp_path)]))
     written = {file.name for file in tmp_path.iterdir()}
     assert written == {"motion.png", "orbit.png", "poincare.png", "table.md"}
-    table = (tmp_path / "table.md").read_text(encoding="utf-8")
-    rows = [line.strip("| ").split(" | ") for line in table.splitlines()]
-    values = {row[0]: (float(row[1]), float(row[2])) for row in rows[2:8]}
-    for expected, found in values.values():
-        assert found == pytest.approx(expected, rel=1e-5)
-    assert values["slider acceleration, outer dead centre, m/s²"][0] == pytest.approx(19419.4)
-    assert values["largest crank moment, N m"][0] == pytest.approx(138.52, abs=0.005)
-    peaks = {row[0]: float(row[1]) for row in rows if row[0].startswith("peak")}
-    assert len(peaks) == 3 and min(peaks.values()) > 5.0
+    for expected, value in found.ideal.values():
+        assert value == pytest.approx(expected, rel=1e-5)
+    acceleration, _ = found.ideal["slider acceleration, outer dead centre, m/s²"]
+    moment, _ = found.ideal["largest crank moment, N m"]
+    assert acceleration == pytest.approx(19419.4, rel=1e-5)
+    assert moment == pytest.approx(138.52, abs=0.005)
+    assert len(found.peak_ratios) == 3 and min(found.peak_ratios.values()) > 5.0
 
 
 def test_too_few_revolutions_are_refused():
@@ -29,7 +28,7 @@ def test_too_few_revolutions_are_refused():
 
 
 def test_quick_sweep_writes_its_figures_and_repeats_with_small_clearances(tmp_path, capsys):
-    """With 5 micrometres the journal keeps to the wall, and peaks are nearly the ideal joint's."""
+    """With 5 µm the journal stays on the wall, and peaks are nearly those of the ideal joint."""
     main(["sweep", "--quick", "--output", str(tmp_path)])
     written = {file.name for file in tmp_path.glob("*.png")}
     assert written == {"bifurcation.png", "map.png", "orbits.png"}

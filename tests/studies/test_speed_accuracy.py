@@ -1,18 +1,19 @@
-"""The study of speed against accuracy: its steppers, its count of right-hand sides, its Pareto
-front, and a quick run."""
+"""The study of speed against accuracy: steppers, count of right-hand sides, Pareto front, parts."""
 
 import diffrax
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from studies.common.output import Output
 from studies.speed_accuracy import evaluations, settings
-from studies.speed_accuracy.__main__ import main
+from studies.speed_accuracy.__main__ import PARTS
 from studies.speed_accuracy.front import excess, front, standings
+from studies.speed_accuracy.runs import QUICK, measured
 from studies.speed_accuracy.steppers import RungeKutta4, SemiImplicitEuler
 
 FREQUENCY, STEP, COUNT = 3.0, 0.05, 40
-"""rad/s, s and steps of an oscillator."""
+"""Frequency, rad/s, step, s, and number of steps of an oscillator."""
 ROTATION = FREQUENCY * STEP * np.array([[0.0, 1.0], [-1.0, 0.0]])
 PER_STEP = {
     # The exponential's series up to the fourth term.
@@ -28,7 +29,7 @@ PER_STEP = {
 
 @pytest.mark.parametrize("solver", PER_STEP, ids=lambda solver: type(solver).__name__)
 def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
-    """Of position and speed over frequency."""
+    """The vector has the position and the speed over the frequency."""
     body = cj.Body(2.0, (0.1, 0.1, 0.1))
     spring = cj.SpringDamper("ground", "body", (0, 0, 0), (0, 0, 0), 2.0 * FREQUENCY**2)
     scene = cj.Scene({"body": body}, {}, {"spring": spring})
@@ -54,7 +55,7 @@ def test_fixed_steps_of_an_oscillator_are_powers_of_a_matrix(solver):
 @pytest.mark.parametrize("lands", [True, False])
 @pytest.mark.parametrize("solver", settings.EXPLICIT, ids=lambda solver: type(solver).__name__)
 def test_right_hand_sides_are_as_many_as_the_tableau_says(solver, lands):
-    """But for one at the start."""
+    """One more is needed at the start."""
     chosen = settings.adaptive(solver, 1e-5, lands).settings
     counted = evaluations.counted(0.03, chosen)
     assert 0.0 < counted - evaluations.an_attempt(chosen) < 0.03
@@ -65,18 +66,18 @@ def itself(item):
 
 
 ITEMS = [(1.0, 1.0), (2.0, 0.1), (2.5, 0.5), (4.0, 0.1), (8.0, 0.01), (9.0, np.nan), (0.5, 0.0)]
-"""Cost and error. The third and fourth are beaten by the second; the last two don't count."""
+"""Cost and error: the second beats the third and fourth; the last two are invalid."""
 
 
-def test_front_holds_what_nothing_beats():
+def test_front_has_the_items_that_no_other_beats():
     assert front(ITEMS, itself) == [(1.0, 1.0), (2.0, 0.1), (8.0, 0.01)]
 
 
-def test_excess_is_the_cost_over_that_of_what_is_as_exact():
+def test_excess_is_relative_to_the_cheapest_item_as_exact():
     assert [excess(item, ITEMS, itself) for item in ITEMS[:5]] == [1.0, 1.0, 1.25, 2.0, 1.0]
 
 
-def test_a_family_is_dominated_if_something_cheaper_is_as_exact_wherever_one_looks():
+def test_a_family_is_dominated_if_a_cheaper_item_is_as_exact_everywhere():
     family = {1.0: "a", 2.0: "a", 8.0: "a", 2.5: "b", 4.0: "c"}
     found = {one.family: one for one in standings(ITEMS[:5], itself, lambda item: family[item[0]])}
     assert list(found) == ["a", "b", "c"]
@@ -84,24 +85,16 @@ def test_a_family_is_dominated_if_something_cheaper_is_as_exact_wherever_one_loo
     assert (found["c"].least, found["c"].nearest) == (2.0, "(4.0, 0.1)")
 
 
-def test_quick_study_prints_its_tables_and_draws(capsys, tmp_path):
-    main(["diagrams", "--quick", "--output", str(tmp_path)])
-    printed = capsys.readouterr().out
-    cells = [
-        [cell.strip() for cell in line.split("|")[1:-1]]
-        for line in printed.splitlines()
-        if "rtol" in line and line.count("|") == 8
-    ]
-    errors, work = (np.array([float(row[k]) for row in cells]) for k in (1, 2))
-    assert len(cells) == 3
-    assert (np.diff(errors) < 0.0).all() and (np.diff(work) > 0.0).all()
-    assert errors[-1] < 1e-7
-    assert (tmp_path / "work_precision.png").stat().st_size > 3000
+def test_error_falls_and_work_grows_with_the_tolerance():
+    points = [measured(setting, QUICK) for setting in settings.quick_grid()]
+    assert len(points) == 3
+    assert (np.diff([point.error for point in points]) < 0.0).all()
+    assert (np.diff([point.short_evaluations for point in points]) > 0.0).all()
+    assert points[-1].error < 1e-7
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", ["presets", "variants", "statistics", "gradients"])
-def test_other_parts_run(part, capsys, tmp_path):
-    main([part, "--quick", "--output", str(tmp_path)])
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
-    assert len(rows) > 4 and not any("nan" in row for row in rows)
+@pytest.mark.parametrize("part", PARTS)
+def test_parts_run(part, tmp_path):
+    text = "\n".join(PARTS[part](Output(tmp_path, quick=True), QUICK))
+    assert text.count("\n|") > 3 and "nan" not in text

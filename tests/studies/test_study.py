@@ -1,11 +1,10 @@
-"""The study runs in its quick setting, and what the paper states comes out of it."""
+"""The study of the double pendulum in its quick setting, compared with the paper's statements."""
 
 import numpy as np
 import pytest
 
-from studies.double_pendulum.__main__ import main, parse
+from studies.double_pendulum.__main__ import main, parse, run
 from studies.double_pendulum.findings import report
-from studies.double_pendulum.study import run
 
 WRITTEN = {
     "figure_13.png",

@@ -13,7 +13,7 @@ def dropped_rod() -> tuple[cj.Scene, cj.State]:
         bearing_radius=10e-3,
         clearance=0.5e-3,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
+        law=cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
     )
     rod = cj.Body(7.02, (0.1, 0.5855, 0.5855))
     scene = cj.Scene({"rod": rod}, {"pin": pin}, gravity=(0.0, 9.81, 0.0))

@@ -141,7 +141,7 @@ def _bouncing_mass(restitution: float, speed: float) -> tuple[Any, list[int]]:
         system.AddMarker(eu.MarkerBodyRigid(bodyNumber=number))
         for number in (body, system.CreateGround())
     ]
-    memory = system.AddNode(
+    entry_speeds = system.AddNode(
         eu.NodeGenericData(
             initialCoordinates=[BOUNCE_CLEARANCE, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
         )
@@ -149,7 +149,7 @@ def _bouncing_mass(restitution: float, speed: float) -> tuple[Any, list[int]]:
     contact = system.AddObject(
         eu.ObjectContactSphereSphere(
             markerNumbers=markers,
-            nodeNumber=memory,
+            nodeNumber=entry_speeds,
             isHollowSphere1=True,
             spheresRadii=[BEARING_RADIUS - BOUNCE_CLEARANCE, BEARING_RADIUS],
             contactStiffness=BOUNCE_STIFFNESS,
@@ -163,7 +163,9 @@ def _bouncing_mass(restitution: float, speed: float) -> tuple[Any, list[int]]:
     sensors = [
         eu.SensorBody(bodyNumber=body, storeInternal=True, outputVariableType=kinds.Velocity),
         eu.SensorObject(objectNumber=contact, storeInternal=True, outputVariableType=kinds.Force),
-        eu.SensorNode(nodeNumber=memory, storeInternal=True, outputVariableType=kinds.Coordinates),
+        eu.SensorNode(
+            nodeNumber=entry_speeds, storeInternal=True, outputVariableType=kinds.Coordinates
+        ),
     ]
     return system, [system.AddSensor(sensor) for sensor in sensors]
 
@@ -180,11 +182,11 @@ def bounce(restitution: float, speed: float = 0.1, step: float = 1e-7) -> Bounce
     contact_time = 3.2 * (BOUNCE_MASS / BOUNCE_STIFFNESS) ** 0.4 * speed**-0.2  # Hertz's
     system.SolveDynamic(_settings(BOUNCE_CLEARANCE / speed + 1.5 * contact_time, step))
     t, velocity = _history(system, sensors[0])
-    force, memory = (_history(system, sensor)[1] for sensor in sensors[1:])
-    inside = np.flatnonzero(memory[:, 0] < 0.0)
-    ends = [t[i] + memory[i, 0] / velocity[i, 1] for i in (inside[0], inside[-1])]
+    force, entry_speeds = (_history(system, sensor)[1] for sensor in sensors[1:])
+    inside = np.flatnonzero(entry_speeds[:, 0] < 0.0)
+    ends = [t[i] + entry_speeds[i, 0] / velocity[i, 1] for i in (inside[0], inside[-1])]
     return Bounce(
-        float(memory[inside[0], 2]),
+        float(entry_speeds[inside[0], 2]),
         float(-velocity[-1, 1]),
         float(np.linalg.norm(force, axis=1).max()),
         float(ends[1] - ends[0]),

@@ -63,9 +63,9 @@ def results(layout: Layout, lanes) -> dict[str, np.ndarray]:
 
 def complete(layout: Layout):
     """The labelled results of a sweep that nothing interrupted."""
-    memory = SweepMemory(layout)
-    compute(memory)
-    return memory.dataset()
+    entry_speeds = SweepMemory(layout)
+    compute(entry_speeds)
+    return entry_speeds.dataset()
 
 
 def compute(store: SweepMemory | SweepStore, chunks=None) -> None:

@@ -124,8 +124,8 @@ def scene(numbers: Hinged, names: dict[str, str] = NAMES) -> cj.Scene:
         bearing_radius=n.radius,
         clearance=n.clearance,
         journal_length=n.length,
-        law=cj.LankaraniNikravesh(n.restitution, n.stiffness, entry_speed_floor=n.floor),
-        friction=cj.RegularisedCoulomb(n.friction, n.regularisation),
+        law=cj.laws.LankaraniNikravesh(n.restitution, n.stiffness, entry_speed_floor=n.floor),
+        friction=cj.frictions.RegularisedCoulomb(n.friction, n.regularisation),
     )
     return cj.Scene(bodies, {names["hinge"]: hinge, names["pin"]: pin}, gravity=n.gravity)
 

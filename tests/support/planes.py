@@ -11,27 +11,27 @@ from clearjoint.model.contact.gap import slip_velocity
 from clearjoint.model.joints.base import Contact, Motions
 
 
-class Plane(cj.AbstractContactJoint):
+class Plane(cj.extend.AbstractContactJoint):
     """Points of `body` (m, body axes) stay on this side of the plane normal . x = offset."""
 
     body: str = eqx.field(static=True)
     points: tuple[Any, ...] = eqx.field(converter=lambda all_: tuple(np.asarray(p) for p in all_))
     normal: Any = eqx.field(converter=np.asarray)
     offset: Any
-    law: cj.AbstractContactLaw
-    friction: cj.AbstractFriction | None = None
+    law: cj.extend.AbstractContactLaw
+    friction: cj.extend.AbstractFriction | None = None
 
     def pair(self) -> tuple[str, str]:
         return cj.GROUND, self.body
 
-    def laws(self) -> dict[str, cj.AbstractContactLaw]:
+    def laws(self) -> dict[str, cj.extend.AbstractContactLaw]:
         return {f"point {k}": self.law for k in range(len(self.points))}
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         motion, found = motions[self.body], {}
         for k, point in enumerate(self.points):
             place, velocity = motion.point(point), motion.velocity_at(point)
-            gap = cj.Gap(place.dot(self.normal) - self.offset, velocity.dot(self.normal))
+            gap = cj.extend.Gap(place.dot(self.normal) - self.offset, velocity.dot(self.normal))
             slip = None
             if self.friction is not None:
                 slip = slip_velocity(velocity, self.normal, gap.rate)

@@ -11,9 +11,14 @@ from functools import cache
 MODULES = (
     "clearjoint",
     "clearjoint.extend",
+    "clearjoint.films",
+    "clearjoint.frictions",
+    "clearjoint.laws",
+    "clearjoint.mechanisms",
     "clearjoint.plot",
     "clearjoint.presets",
     "clearjoint.quantities",
+    "clearjoint.results",
     "clearjoint.testing",
 )
 """Where public names are imported from."""

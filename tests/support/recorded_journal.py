@@ -3,7 +3,7 @@
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.simulation.observe import ContactObservation
+from clearjoint.simulation.results.observe import ContactObservation
 
 CLEARANCE, RADIUS, COUNT = 0.5e-3, 10e-3, 40
 FORCE = 200.0
@@ -21,7 +21,7 @@ def arm_in_bearing() -> cj.Scene:
         bearing_radius=RADIUS,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.Hertz(1e10),
+        law=cj.laws.Hertz(1e10),
     )
     inertia = 1.0 * 0.4**2 / 12.0
     return cj.Scene(
@@ -36,15 +36,15 @@ def eccentricities() -> np.ndarray:
     return np.stack([size * np.cos(angle), size * np.sin(angle), 0.0 * size], axis=1)
 
 
-def motion() -> cj.Trajectory:
+def motion() -> cj.results.Trajectory:
     """The arm, parallel to X all the time."""
     still = np.zeros((COUNT, 3))
     turn = np.tile((1.0, 0.0, 0.0, 0.0), (COUNT, 1))
     centre = eccentricities() + (0.2, 0.0, 0.0)
-    return cj.Trajectory(TIMES, cj.State({"arm": cj.BodyState(centre, turn, still, still)}))
+    return cj.results.Trajectory(TIMES, cj.State({"arm": cj.BodyState(centre, turn, still, still)}))
 
 
-def observed() -> cj.Observation:
+def observed() -> cj.results.Observation:
     """What an observation of it says: a line contact with a force at the wall."""
     offset = eccentricities()
     size = np.linalg.norm(offset, axis=1)
@@ -64,8 +64,10 @@ def observed() -> cj.Observation:
             point_on_bearing=at_wall,
             point_on_journal=at_wall,
         )
-    modes = np.where(TOUCHING, cj.MotionMode.LINE_CONTACT, cj.MotionMode.FREE_FLIGHT)
-    return cj.Observation(
+    modes = np.where(
+        TOUCHING, cj.results.MotionMode.LINE_CONTACT, cj.results.MotionMode.FREE_FLIGHT
+    )
+    return cj.results.Observation(
         times=TIMES,
         contacts={"pin": ends},
         modes={"pin": modes.astype(int)},

@@ -19,7 +19,7 @@ def clock(now):
 
 
 def _approach(now):
-    return -now.reaches["pin"]["V"].rate
+    return -now.contact_gaps["pin"]["V"].rate
 
 
 def everything(start: float = 0.0) -> cj.Saving:
@@ -28,7 +28,7 @@ def everything(start: float = 0.0) -> cj.Saving:
     return cj.Saving(start + EIGHTHS, impacts=True, sections={"deepest": deepest})
 
 
-def recorded_rod(start: float = 0.0) -> cj.Sensitivities:
+def recorded_rod(start: float = 0.0) -> cj.results.Sensitivities:
     """A run across the first impacts from a time on, s."""
     return cj.sensitivities(
         *dropped_rod(),

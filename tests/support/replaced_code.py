@@ -10,12 +10,12 @@ from clearjoint.dynamics import contact_forces, system
 from clearjoint.dynamics.joint_coordinates import branches
 from clearjoint.dynamics.joint_coordinates import spatial_inertia as inertia
 from clearjoint.dynamics.system import System
+from clearjoint.model.clearance_joints import axial, bearing_surfaces, clearance
 from clearjoint.model.contact.friction import RegularisedCoulomb
 from clearjoint.model.joints import motion_subspaces as freedoms
-from clearjoint.model.plays import axial, bearing_surfaces, clearance
 from clearjoint.parametrisation.parametrised_scene import AbstractFamily
-from clearjoint.simulation import stepping
-from clearjoint.simulation.landing import Landing
+from clearjoint.simulation.step import stepping
+from clearjoint.simulation.step.landing import Landing
 
 FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     {
@@ -28,9 +28,9 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
             (contact_forces, "contact_normal_force"),
-            (Landing, "due"),
+            (Landing, "time_to_next_event"),
             (Landing, "retry"),
-            (stepping, "updated_memory"),
+            (stepping, "updated_entry_speeds"),
             (System, "second_rates"),
         ),
         "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),
@@ -40,7 +40,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     }
 )
 """Of each feature of a scene or run the functions that no scene without it calls, as owner and
-name; in the order of the rungs of `studies.features`."""
+name; in the order of the scenes of `studies.cost`."""
 
 
 @contextmanager

@@ -9,7 +9,17 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "clearjoint"
-DOORS = ("__init__", "__main__", "extend", "presets")
+DOORS = (
+    "__init__",
+    "__main__",
+    "extend",
+    "films",
+    "frictions",
+    "laws",
+    "mechanisms",
+    "presets",
+    "results",
+)
 """Modules through which users come in: they import from everywhere, and nobody imports them."""
 
 

@@ -32,7 +32,7 @@ def angle_of(motion):
     return jnp.arctan2(motion.rotation.row_y.x, motion.rotation.row_x.x)
 
 
-class TorsionSpring(cj.AbstractForce):
+class TorsionSpring(cj.extend.AbstractForce):
     """A moment against the angle of a body about z."""
 
     body: str = eqx.field(static=True)
@@ -51,7 +51,7 @@ class TorsionSpring(cj.AbstractForce):
         return {self.body: Wrench(ZERO, moment)}
 
 
-class Turnings(cj.AbstractReduction):
+class Turnings(cj.extend.AbstractReduction):
     """How often a quantity's rate changes its sign, and after how many steps the run ended."""
 
     quantity: Any = eqx.field(static=True)

@@ -10,12 +10,12 @@ DEPTH = (WEIGHT / STIFFNESS) ** (2.0 / 3.0)
 """m, at which the belt carries the block."""
 
 
-class BlockOnBelt(cj.AbstractContactJoint):
+class BlockOnBelt(cj.extend.AbstractContactJoint):
     """A point of the ground's plane z = 0, which moves along x, under the centre of a body."""
 
     body: str
-    law: cj.AbstractContactLaw
-    friction: cj.AbstractFriction | cj.AbstractBristleFriction
+    law: cj.extend.AbstractContactLaw
+    friction: cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction
     belt_speed: float = 0.0  # m/s
 
     def pair(self):
@@ -25,15 +25,15 @@ class BlockOnBelt(cj.AbstractContactJoint):
         return {"belt": self.law}
 
     def contacts(self, motions):
-        body, down = motions[self.body], cj.Vector(0.0, 0.0, -1.0)
+        body, down = motions[self.body], cj.extend.Vector(0.0, 0.0, -1.0)
         place, velocity = body.position, body.velocity
-        gap = cj.Gap(-place.z, -velocity.z)
-        slip = cj.Vector(velocity.x - self.belt_speed, velocity.y, 0.0)
-        under, centre = cj.Vector(place.x, place.y, 0.0), cj.Vector(0.0, 0.0, 0.0)
-        return {"belt": cj.Contact(gap, down, under, centre, slip)}
+        gap = cj.extend.Gap(-place.z, -velocity.z)
+        slip = cj.extend.Vector(velocity.x - self.belt_speed, velocity.y, 0.0)
+        under, centre = cj.extend.Vector(place.x, place.y, 0.0), cj.extend.Vector(0.0, 0.0, 0.0)
+        return {"belt": cj.extend.Contact(gap, down, under, centre, slip)}
 
     def bristle_laws(self):
-        has_bristles = isinstance(self.friction, cj.AbstractBristleFriction)
+        has_bristles = isinstance(self.friction, cj.extend.AbstractBristleFriction)
         return {"belt": self.friction} if has_bristles else {}
 
     def friction_force(self, name, contact, normal_force):
@@ -42,7 +42,7 @@ class BlockOnBelt(cj.AbstractContactJoint):
 
 def block(friction, belt_speed=0.0, forces=None, velocity=(0.0, 0.0, 0.0), height=-DEPTH):
     """The block with forces on it, and its state at the origin."""
-    joint = BlockOnBelt("block", cj.Hertz(STIFFNESS), friction, belt_speed)
+    joint = BlockOnBelt("block", cj.laws.Hertz(STIFFNESS), friction, belt_speed)
     scene = cj.Scene(
         {"block": cj.Body(MASS, (1e-2,) * 3)},
         {"floor": joint},

@@ -18,7 +18,7 @@ class Tumbling(NamedTuple):
     global axes."""
 
     scene: cj.Scene
-    solution: cj.Solution
+    solution: cj.results.Solution
     rotations: np.ndarray
 
 
@@ -44,16 +44,18 @@ def tumbling_bearing() -> Tumbling:
         bearing_radius=10e-3,
         clearance=CLEARANCE,
         journal_length=20e-3,
-        law=cj.Hertz(cj.RavnStiffness(207e9, 0.3)),
+        law=cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3)),
     )
     body = cj.Body(1.0, (1.0, 1.0, 1.0))
     scene = cj.Scene({"bearing": body, "journal": body}, {"pin": joint})
-    return Tumbling(scene, solution_of(cj.Trajectory(TIMES, states)), tumbling.as_matrix())
+    return Tumbling(scene, solution_of(cj.results.Trajectory(TIMES, states)), tumbling.as_matrix())
 
 
-def solution_of(saved: cj.Trajectory, impacts: cj.Impacts | None = None) -> cj.Solution:
+def solution_of(
+    saved: cj.results.Trajectory, impacts: cj.results.Impacts | None = None
+) -> cj.results.Solution:
     """A solution with given states, in absolute coordinates."""
-    return cj.Solution(
+    return cj.results.Solution(
         time=np.asarray(saved.times)[-1],
         final=saved.states,
         result=cj.RESULTS.successful,

@@ -36,19 +36,21 @@ OUTPUTS = {
     "height": cj.Statistics(q.Position("arm 2", "y"), "m"),
     "path": cj.Saved(TIMES, CHANNELS),
     "rebound": cj.Section(
-        lambda now: -now.reaches["shoulder"]["V"].rate,
-        {"depth": (lambda now: now.reaches["shoulder"]["V"].depth, "m")},
+        lambda now: -now.contact_gaps["shoulder"]["V"].rate,
+        {"depth": (lambda now: now.contact_gaps["shoulder"]["V"].depth, "m")},
         count=3,
     ),
     "hits": cj.ImpactTable(4),
 }
-TABLED = [field.name for field in fields(cj.Impacts) if field.name not in ("joint", "contact")]
+TABLED = [
+    field.name for field in fields(cj.results.Impacts) if field.name not in ("joint", "contact")
+]
 
 
 @pytest.fixture(scope="module")
 def grid():
     return cj.sweep(
-        *cj.double_pendulum(),
+        *cj.mechanisms.double_pendulum(),
         END,
         AXES,
         OUTPUTS,
@@ -63,7 +65,9 @@ def test_neither_threads_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_p
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
     axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
     path, settings = tmp_path / "sweep", cj.Settings(ledger=True)
-    cj.sweep(*cj.double_pendulum(), END, axes, OUTPUTS, settings, threads=count, path=path)
+    cj.sweep(
+        *cj.mechanisms.double_pendulum(), END, axes, OUTPUTS, settings, threads=count, path=path
+    )
     found, expected = cj.open_sweep(path), grid.sel(kept)
     assert list(found.hits_contact.values) == ["shoulder V", "shoulder W"]
     for name in found.data_vars:
@@ -81,7 +85,7 @@ def pairs(grid):
 
 
 def single(**settings):
-    scene, state = cj.double_pendulum(**settings)
+    scene, state = cj.mechanisms.double_pendulum(**settings)
     return cj.simulate(
         scene, state, END, cj.Settings(ledger=True), save=cj.Saving(TIMES, impacts=True)
     )
@@ -190,7 +194,7 @@ def test_impacts_are_those_of_the_reference(grid, reference_folder):
 
 def test_impacts_are_counted_open_ones_included(pairs):
     for lane, run in pairs:
-        still = sum(float(speed) > 0.0 for speed in run.final.memory["shoulder"].values())
+        still = sum(float(speed) > 0.0 for speed in run.final.entry_speeds["shoulder"].values())
         assert int(lane.impacts) == len(run.impacts) + still
 
 

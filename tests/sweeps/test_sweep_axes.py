@@ -1,4 +1,4 @@
-"""What the axes of a sweep vary: places in the scene, components, starts, and whole scenes."""
+"""Axes of a sweep: numbers of the scene, components, initial states, and whole scenes."""
 
 from typing import Any
 
@@ -14,10 +14,10 @@ def test_a_change_that_makes_the_scene_anew_varies_only_what_differs():
     """The others stay known while tracing, which makes the equations shorter."""
 
     def faster(scene, state, speed):
-        return cj.slider_crank(scene.joints["slider pin"].clearance, speed=speed)
+        return cj.mechanisms.slider_crank(scene.joints["slider pin"].clearance, speed=speed)
 
     axis = cj.Axis.change(faster, [100.0, 200.0], "rad/s")
-    scene, state = cj.slider_crank(speed=300.0)
+    scene, state = cj.mechanisms.slider_crank(speed=300.0)
     lanes = lanes_of(scene, state, {"speed": axis}, {"speed": axis.values})
     assert lanes.varied.joints["motor"].speed
     assert sum(jax.tree.leaves(lanes.varied)) == 1
@@ -26,10 +26,10 @@ def test_a_change_that_makes_the_scene_anew_varies_only_what_differs():
 
 def lanes(axes):
     values = {name: axis.values for name, axis in axes.items()}
-    return lanes_of(*cj.double_pendulum(), axes, values)
+    return lanes_of(*cj.mechanisms.double_pendulum(), axes, values)
 
 
-def test_tied_places_components_and_initial_states_reach_the_lanes():
+def test_tied_numbers_components_and_initial_states_reach_the_lanes():
     found = lanes(
         {
             "masses": cj.Axis(lambda s: [body.mass for body in s.bodies.values()], [1.0, 2.0]),
@@ -57,7 +57,7 @@ def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
         bearing_radius=10e-3,
         clearance=0.5e-3,
         journal_length=20e-3,
-        law=cj.LankaraniNikravesh(0.9, cj.RavnStiffness(207e9, 0.3)),
+        law=cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
     )
     body = cj.Body(mass, (moment / 100, moment, moment))
     scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, -9.81, 0.0))
@@ -82,7 +82,7 @@ def test_change_moves_points_inertia_and_start_together():
         np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)
 
 
-class Tabled(cj.Hertz):
+class Tabled(cj.laws.Hertz):
     """Hertz's law with a table of three depths, m, which are no vector."""
 
     depths: Any = eqx.field(

@@ -71,7 +71,7 @@ def test_neighbours_order_number_and_threads_change_no_bit(whole, lanes, threads
     writes=st.integers(0, 6),
 )
 def test_an_interruption_changes_no_bit(whole, lanes, threads, again, chunk, writes):
-    """A sweep whose process stops after so many writes to its store, and what resumes it."""
+    """A sweep whose process stops after some writes to its store, and the sweep that resumes it."""
     left = [writes]
 
     def write(store, *args, write=SweepStore.write):

@@ -1,4 +1,4 @@
-"""Damaged stores: what is damaged is named, reads as pending, and is computed anew."""
+"""Damaged stores: damaged files are named, their lanes are pending and are computed again."""
 
 import json
 import shutil
@@ -53,10 +53,10 @@ def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
     whole = complete(layout())
     DAMAGES[damage](path / "by_lane" / name / FILES[name])
     fault = "missing" if damage == "deleted" else "damaged"
-    said = [] if (name, damage) in UNSEEN else [f"{name}/{FILES[name]} is {fault}"]
+    messages = [] if (name, damage) in UNSEEN else [f"{name}/{FILES[name]} is {fault}"]
 
     found, warned = recorded(lambda: open_sweep(path))
-    assert [text for text in said if text not in warned] == []
+    assert [text for text in messages if text not in warned] == []
     lanes = found.stack(lane=("clearance", "restitution"))
     assert np.flatnonzero(lanes["result"] == -1).tolist() == LANES
     assert np.isnan(lanes["position"].isel(lane=LANES)).all()
@@ -67,7 +67,7 @@ def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
 
     store = opened(path, layout())
     missing, warned = recorded(store.missing)
-    assert [text for text in said if text not in warned] == []
+    assert [text for text in messages if text not in warned] == []
     assert missing == {CHUNK: LANES}
     store.write(CHUNK, LANES, results(layout(), LANES))
     found, warned = recorded(lambda: open_sweep(path))
@@ -115,7 +115,9 @@ def test_damaged_metadata_are_named(path, content):
     file = path / "by_lane" / "zarr.json"
     file.write_bytes(content)
     for read in (open_sweep, lambda path: opened(path, layout())):
-        with pytest.raises(ValueError, match=f"{path} is none, or {file} is missing or damaged"):
+        with pytest.raises(
+            ValueError, match=f"{path} is not a store, or {file} is missing or damaged"
+        ):
             read(path)
 
 
@@ -136,7 +138,7 @@ def without(entries, name):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_chunks_that_have_changed_places_are_computed_anew(path, name):
+def test_exchanged_chunks_are_computed_again(path, name):
     first = path / "by_lane" / name / FILES[name]
     second = path / "by_lane" / name / FILES[name].replace("1", "0", 1)
     one, other = first.read_bytes(), second.read_bytes()
@@ -164,5 +166,5 @@ def test_stores_of_other_formats_are_refused(path):
     root["attributes"]["sweep_format"] = 2
     shutil.rmtree(path / "by_lane")
     (path / "zarr.json").write_text(json.dumps(root))
-    with pytest.raises(ValueError, match="format 3, and not 2 .*xarray.open_zarr"):
+    with pytest.raises(ValueError, match="format 3, not 2 .*xarray.open_zarr"):
         open_sweep(path)

@@ -1,4 +1,4 @@
-"""Chunks over executors: processes of one's own, Dask's workers, and what dies in between."""
+"""Chunks on executors: local processes and Dask's workers, some of which die."""
 
 import multiprocessing
 import os
@@ -25,9 +25,9 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.native import is_native
 from clearjoint.runtime import threads_of_sweeps
 from clearjoint.sweeps import computing, executors
+from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
 from clearjoint.sweeps.layout import Coordinate
-from clearjoint.sweeps.progress import lane_progress
 from clearjoint.sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 
@@ -148,7 +148,7 @@ def killing_itself(folder: Path):
     return task
 
 
-def test_broken_pool_is_told_and_another_one_resumes(store, tmp_path, processes):
+def test_broken_pool_is_reported_and_another_one_resumes(store, tmp_path, processes):
     with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
         with pytest.raises(ChunkError, match="worker process died") as raised:
             swept(killing_itself(tmp_path), executor, store)
@@ -174,12 +174,12 @@ with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as 
 """
 
 
-def test_script_that_its_own_workers_run_is_told_what_it_lacks(tmp_path):
+def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     """A worker imports the script, and would begin workers of its own."""
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED)
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert 'behind `if __name__ == "__main__":`' in done.stdout
+    assert 'below `if __name__ == "__main__":`' in done.stdout
 
 
 KILLED = """
@@ -222,13 +222,13 @@ def test_a_pool_says_that_it_starts_and_compiles(caplog, monkeypatch):
         time.sleep(0.2)
         return results_of(chunk)
 
-    memory = SweepMemory(MANY)
+    entry_speeds = SweepMemory(MANY)
     with ThreadPoolExecutor(2) as threads, lane_progress(MANY.lanes, 0, False) as bar:
-        computing._by_executor(Stored(task, memory.missing()), memory, threads, bar)
+        computing._by_executor(Stored(task, entry_speeds.missing()), entry_speeds, threads, bar)
     assert [record.getMessage() for record in caplog.records] == [
         "the workers of a sweep have been starting and compiling for 0 s"
     ]
-    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
 
 
 class Stored:
@@ -289,7 +289,7 @@ def modules_of_ones_own() -> dict[str, eqx.Module]:
         def total(self):
             return Made(1.0).total() + super().total()
 
-    class Law(cj.Hertz):
+    class Law(cj.laws.Hertz):
         factor: Any = quantity("1", default=1.0)
 
         def elastic_force(self, *arguments):
@@ -377,15 +377,15 @@ def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
 
 
 def test_threads_share_the_task_itself(store):
-    lock, memory = threading.Lock(), SweepMemory(MANY)
+    lock, entry_speeds = threading.Lock(), SweepMemory(MANY)
 
     def task(chunk):
         with lock:
             return results_of(chunk)
 
     with ThreadPoolExecutor(2) as executor:
-        swept(task, executor, memory)
-    xr.testing.assert_identical(memory.dataset(), complete(MANY))
+        swept(task, executor, entry_speeds)
+    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
 
 
 def test_forking_pools_are_refused():

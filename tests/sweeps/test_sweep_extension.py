@@ -1,4 +1,4 @@
-"""Stores that take further lanes and variables: only what is missing is computed."""
+"""Stores that are extended by lanes and variables: only missing results are computed."""
 
 import numpy as np
 import pytest

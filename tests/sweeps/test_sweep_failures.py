@@ -1,4 +1,4 @@
-"""Lanes that fail say so and leave the others as they are; impossible sweeps are refused."""
+"""Failed lanes have result codes and don't change the others; invalid sweeps are refused."""
 
 import warnings
 
@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.sweeps.axes import lanes_of
-from clearjoint.sweeps.starts import checked_starts
+from clearjoint.sweeps.planning import checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
@@ -59,7 +59,7 @@ def test_law_that_turns_nan(good):
     assert np.isfinite(lane.final_spin).all()
 
 
-def test_value_that_no_scene_can_have(good):
+def test_value_that_a_scene_refuses(good):
     lane = beside_the_good(good, -3.0)
     assert codes(lane) == ["bad_parameters"]
     assert float(lane.time_reached[0]) == 0.0
@@ -127,19 +127,19 @@ def test_sweep_of_a_structure_that_cannot_move_is_refused():
     scene, state = rotor()
     joints = {"weld": cj.FixedJoint("ground", "rotor", (0, 0, 0), (0, 0, 0))}
     fixed = cj.Scene(scene.bodies, joints, forces=scene.forces)
-    with pytest.raises(ValueError, match="`coordinates`.*something is left to move"):
+    with pytest.raises(ValueError, match="`coordinates`.*a degree of freedom is left"):
         cj.sweep(fixed, STILL, END, AXES)
 
 
-def test_refused_values_of_the_pendulum_are_told():
+def test_invalid_values_of_the_pendulum_are_reported():
     """A restitution above 1, and a clearance above the radius of the bearing: nothing runs."""
     axes = {
         "restitution": cj.Axis(lambda s: s.joints["shoulder"].law.restitution, [1.5, 0.9]),
         "clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, [5e-4, 2e-2]),
     }
-    told = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
-    with pytest.warns(UserWarning, match=told):
-        found = cj.sweep(*cj.double_pendulum(), 0.1, axes, zipped=True)
+    message = r"2 of 2 lanes failed: 2 bad_parameters\. Lane 0: .*`restitution`.*1\.5"
+    with pytest.warns(UserWarning, match=message):
+        found = cj.sweep(*cj.mechanisms.double_pendulum(), 0.1, axes, zipped=True)
     assert codes(found) == ["bad_parameters"] * 2
 
 
@@ -194,8 +194,8 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Axis(lambda s: s.gravity[1], 3.0), "`values`.*row"),
         (lambda: cj.Axis(lambda s: s.gravity[1], [np.nan]), "`values`.*finite"),
         (lambda: cj.Axis(lambda s: s.gravity[1], ["fast"]), "number"),
-        (lambda: cj.Axis("gravity", GOOD), "`place`.*lambda scene"),
-        (lambda: cj.Axis.initial("spin", GOOD), "`place`.*lambda state"),
+        (lambda: cj.Axis("gravity", GOOD), "`path`.*lambda scene"),
+        (lambda: cj.Axis.initial("spin", GOOD), "`path`.*lambda state"),
         (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),
         (lambda: cj.Saved([1.0], {}), "`channels`.*by name"),
         (lambda: cj.Saved([1.0], {"x": angle}), "`channels`.*pair"),

@@ -1,4 +1,4 @@
-"""By what a store knows code: digests of what is traced, the same wherever the numbers are."""
+"""Fingerprints of programs: digests of the traced operations, equal for equal programs."""
 
 import os
 import subprocess

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.simulation.batch import xla_lanes
+from clearjoint.simulation.lanes import xla_lanes
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)

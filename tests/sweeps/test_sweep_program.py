@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import structured
-from clearjoint.simulation import impact_recorder
-from clearjoint.simulation.batch.lane import Plan
-from clearjoint.simulation.impact_recorder import ImpactRecorder
-from clearjoint.simulation.method import Scheme
+from clearjoint.math.vectors import fold_constants
+from clearjoint.simulation.lanes.lane import Plan
+from clearjoint.simulation.run import impact_recorder
+from clearjoint.simulation.run.impact_recorder import ImpactRecorder
+from clearjoint.simulation.step.method import Scheme
 from clearjoint.sweeps.store.program import RUN, programs
 from clearjoint.sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
@@ -27,29 +27,29 @@ def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
     plan = Plan(
         Scheme.of(settings),
-        {n: o for n, o in outputs.items() if isinstance(o, cj.AbstractReduction)},
+        {n: o for n, o in outputs.items() if isinstance(o, cj.extend.AbstractReduction)},
         {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),
         np.asarray(1000),
         {n: ImpactRecorder(o.joint) for n, o in outputs.items() if isinstance(o, cj.ImpactTable)},
     )
     channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in recorded.items()}
-    return programs(plan, structured(scene), state, 0.0, channels)
+    return programs(plan, fold_constants(scene), state, 0.0, channels)
 
 
-class Law(cj.Hertz):
+class Law(cj.laws.Hertz):
     """Elastic contact, by code of the tests' own."""
 
     gain, energy_gain = 1.0, 1.0
 
     def force(self, gap, entry_speed):
-        return self.gain * super().force(gap, entry_speed if self.has_memory else None)
+        return self.gain * super().force(gap, entry_speed if self.uses_entry_speed else None)
 
     def stored_energy(self, gap):
         return self.energy_gain * super().stored_energy(gap)
 
 
-class Grip(cj.AbstractFriction):
+class Grip(cj.extend.AbstractFriction):
     """Friction, by code of the tests' own."""
 
     gain = 1.0
@@ -59,7 +59,7 @@ class Grip(cj.AbstractFriction):
 
 
 class Bearing(cj.ClearanceJoint):
-    """A joint that knows its own depth."""
+    """A joint with a user-defined depth."""
 
     depth = 1.0
 
@@ -93,7 +93,7 @@ def usual():
 @pytest.mark.parametrize(
     ("of_class", "name", "value"),
     [
-        (Law, "has_memory", True),
+        (Law, "uses_entry_speed", True),
         (Law, "gain", 2.0),
         (Grip, "gain", 2.0),
         (Bearing, "depth", 2.0),
@@ -132,8 +132,8 @@ def test_a_worker_that_would_run_other_code_refuses():
 
 def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
     scene, state = pendulum()
-    scene = cj.put(scene, lambda s: s.joints["pin"].clearance, 1e-4)
-    assert of(scene, cj.put(state, lambda s: s.bodies["arm"].position[0], 1e-5)) == usual
+    scene = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1e-4)
+    assert of(scene, cj.set_value(state, lambda s: s.bodies["arm"].position[0], 1e-5)) == usual
 
 
 @pytest.mark.parametrize(

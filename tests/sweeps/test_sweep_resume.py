@@ -20,7 +20,7 @@ import clearjoint as cj
 from clearjoint.model.bodies import Wrench
 from clearjoint.sweeps import computing
 from clearjoint.sweeps import sweep as sweeping
-from clearjoint.sweeps.progress import lane_progress
+from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.store.store import SweepStore
 from clearjoint.sweeps.work import Work
 from tests.support.fake_sweep import layout
@@ -101,7 +101,7 @@ def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, w
 
 
 def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
-    """Also where the place is named by another function."""
+    """Also if another function gives the path."""
     computed = []
 
     def run(work, lanes, *args, run=Work.run, **options):
@@ -171,7 +171,7 @@ def geared(path):
 def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
     np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
     monkeypatch.setitem(globals(), "GAIN", 2.0)
-    with pytest.raises(ValueError, match="what a step computes: its code, as JAX traces it"):
+    with pytest.raises(ValueError, match="program of a step: the code that JAX traces"):
         geared(tmp_path / "one.zarr")
     np.testing.assert_allclose(*geared(tmp_path / "two.zarr"), atol=1e-6)
     monkeypatch.setitem(globals(), "GAIN", 1.0)
@@ -257,10 +257,10 @@ import tests.conftest
 from tests.sweeps.test_sweep_resume import long_lanes
 from clearjoint.sweeps import computing
 add = computing._Writer.add
-def told(writer, lanes, results):
+def report(writer, lanes, results):
     print(*lanes, sep="\\n", flush=True)
     add(writer, lanes, results)
-computing._Writer.add = told
+computing._Writer.add = report
 long_lanes(sys.argv[1])
 """
 
@@ -309,7 +309,7 @@ def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(p
 def other_scene(options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()
-    scene = cj.put(scene, lambda s: s.bodies["rotor"].mass, 2.0)
+    scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, 2.0)
     cj.sweep(scene, state, END, {"stiffness": stiffness_axis(STIFFNESS)}, OUTPUTS, **options)
 
 
@@ -323,7 +323,7 @@ def other_scene(options):
         (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
         (
             partial(swept, STIFFNESS[:5]),
-            "axis stiffness: 15 of 20 stored values are none of the 5 now",
+            "axis stiffness: 15 of 20 stored values are not among the 5 present",
         ),
         (
             lambda **options: other_scene({"zipped": True, "progress": False, **options}),
@@ -339,7 +339,7 @@ def other_scene(options):
         ),
     ],
 )
-def test_store_of_other_settings_is_refused_and_told_apart(path, other, names):
+def test_store_of_other_settings_is_refused(path, other, names):
     interrupted(path, 1)
     with pytest.raises(ValueError, match=names):
         other(chunk=CHUNK, path=path)

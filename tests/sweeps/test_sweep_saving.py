@@ -1,4 +1,4 @@
-"""What a `Saving` keeps of lanes is what it keeps of single runs."""
+"""A `Saving` keeps the same results of lanes as of single runs."""
 
 import diffrax
 import jax

@@ -90,11 +90,11 @@ def test_store_gives_back_what_memory_does(path, changes):
 
 
 def test_pending_lanes_say_so(partial, path):
-    memory = SweepMemory(layout())
-    compute(memory, (0, 2))
-    assert memory.missing() == partial.missing() == MIDDLE
+    entry_speeds = SweepMemory(layout())
+    compute(entry_speeds, (0, 2))
+    assert entry_speeds.missing() == partial.missing() == MIDDLE
     found = open_sweep(path)
-    identical(found, memory.dataset())
+    identical(found, entry_speeds.dataset())
     lanes = found.stack(lane=("clearance", "restitution"))
     assert lanes["result"].values.tolist() == [1, 0, 0, 1, 0, *[-1] * 5, 0, 0]
     assert np.isnan(lanes["position"].isel(lane=slice(5, 10))).all()
@@ -168,7 +168,10 @@ def test_writing_a_chunk_touches_no_file_of_another(partial, path):
 
 
 OTHER = np.where(np.arange(4) == 2, 7.5e-4, layout().axes[0].values)
-LOST = "lanes: 3 of 12 stored lanes, by all the numbers that they start from, are none of the"
+LOST = (
+    "lanes: 3 of 12 stored lanes are not among the {} present lanes, because the numbers at their "
+    "start differ, first lane 6"
+)
 DIFFERENT = {
     "setting": ({"settings": {"rtol": 1e-8}}, ["setting rtol: stored 1e-06, now 1e-08"]),
     "type": (
@@ -179,15 +182,15 @@ DIFFERENT = {
     "values": (
         {"axes": (Coordinate("clearance", OTHER, "m"), layout().axes[1])},
         [
-            "axis clearance: 1 of 4 stored values are none of the 4 now, first 0.0007",
-            f"{LOST} 12 now, first number 6",
+            "axis clearance: 1 of 4 stored values are not among the 4 present values, first 0.0007",
+            LOST.format(12),
         ],
     ),
     "count": (
         {"axes": (Coordinate("clearance", OTHER[[0, 1, 3]], "m"), layout().axes[1])},
         [
-            "axis clearance: 1 of 4 stored values are none of the 3 now, first 0.0007",
-            f"{LOST} 9 now, first number 6",
+            "axis clearance: 1 of 4 stored values are not among the 3 present values, first 0.0007",
+            LOST.format(9),
         ],
     ),
     "unit": (
@@ -210,8 +213,8 @@ DIFFERENT = {
 }
 
 
-@pytest.mark.parametrize("changes, said", DIFFERENT.values(), ids=DIFFERENT)
-def test_store_of_another_sweep_is_refused(path, changes, said):
+@pytest.mark.parametrize("changes, message", DIFFERENT.values(), ids=DIFFERENT)
+def test_store_of_another_sweep_is_refused(path, changes, message):
     compute(opened(path, layout(notes={"law": "linear"})), (0, 2))
     if "settings" in changes:
         changes = {**changes, "settings": {**layout().settings, **changes["settings"]}}
@@ -219,22 +222,22 @@ def test_store_of_another_sweep_is_refused(path, changes, said):
         opened(path, layout(**{"notes": {"law": "linear"}, **changes}))
     first, *lines, last = str(refused.value).split("\n")
     assert str(path) in first
-    assert [line.strip() for line in lines] == said
+    assert [line.strip() for line in lines] == message
     assert "another path" in last and "delete" in last
 
 
 def test_store_of_another_program_is_refused(partial, path):
-    for programs, said in [
-        ({RUN: "rises"}, "what a step computes: its code"),
+    for programs, message in [
+        ({RUN: "rises"}, "program of a step: the code"),
         ({RUN: "falls", "touched": "new"}, None),
     ]:
-        if said:
-            with pytest.raises(ValueError, match=said):
+        if message:
+            with pytest.raises(ValueError, match=message):
                 opened(path, layout(), programs)
         else:
             assert opened(path, layout(), programs).missing() == MIDDLE
     opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "one"})
-    with pytest.raises(ValueError, match="variable touched: its code"):
+    with pytest.raises(ValueError, match="variable touched: the code"):
         opened(path.with_name("b"), layout(), {RUN: "falls", "touched": "other"})
 
 
@@ -283,7 +286,7 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
 
 
 @pytest.mark.parametrize(
-    "name, values, said",
+    "name, values, message",
     [
         ("steps", np.zeros(5), "arrays: steps.*int64"),
         ("position", np.zeros((5, 3, 5)), "arrays: position"),
@@ -291,8 +294,8 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
         ("more", np.zeros(5), "arrays"),
     ],
 )
-def test_results_that_were_not_announced_are_refused(partial, name, values, said):
-    with pytest.raises(ValueError, match=said):
+def test_results_that_were_not_announced_are_refused(partial, name, values, message):
+    with pytest.raises(ValueError, match=message):
         partial.write(1, MIDDLE[1], {**results(partial.layout, MIDDLE[1]), name: values})
     assert partial.missing() == MIDDLE
 
@@ -322,7 +325,7 @@ def python(code: str, *arguments: Path) -> subprocess.Popen:
 
 
 def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
-    """Chunks that read as done, each of them found to hold exactly its results."""
+    """Chunks that are done; each is checked to have exactly its results."""
     if not path.exists():
         return set()
     missing = opened(path, large).missing()

@@ -1,4 +1,4 @@
-"""The page as a browser shows it, with the network off."""
+"""The page in a browser without network."""
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from tests.support.browser import FOUND, MISSING, OPTIONS, Browser
 
 SIZE = 700, 440
 HIGH, LEFT = 300, 285
-"""Where the canvas is, above the slider and right of the legend, in pixels."""
+"""Position of the canvas, above the slider and right of the legend, in pixels."""
 TOLERANCE = 0.12
-"""Of the hue of a colour in light and shade, as a vector of length one."""
+"""Tolerance for the hue of a colour in light and shade, as a unit vector."""
 BLUE, VERMILLION, CREAM, BROWN = "#0072B2", "#D55E00", "#FFF3D6", "#8A3B00"
 
 pytestmark = pytest.mark.skipif(FOUND is None, reason=MISSING)
@@ -26,7 +26,7 @@ def browser(tmp_path_factory):
 
 
 def share_of(picture: np.ndarray, colour: str) -> float:
-    """Share of the canvas that has a colour, in light or shade; none is that of shadows."""
+    """Fraction of the canvas that has a colour, in light or shade."""
     canvas = picture[:HIGH, LEFT:].reshape(-1, 3)
     seen = canvas[(canvas.max(axis=1) > 25.0) & (np.ptp(canvas, axis=1) > 8.0)]
     wanted = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)], dtype=float)
@@ -36,13 +36,13 @@ def share_of(picture: np.ndarray, colour: str) -> float:
 
 
 def seen_through(colour: str) -> str:
-    """What a colour that one looks through looks like in front of white."""
+    """A transparent colour in front of white."""
     parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return "#" + "".join(f"{round(CLEAR * part + (1.0 - CLEAR) * 255.0):02x}" for part in parts)
 
 
 def at_frame(browser: Browser, frame: int) -> np.ndarray:
-    """What one sees after the slider was moved to a frame."""
+    """The canvas after the slider has moved to a frame."""
     move = f"const s = document.getElementById('time'); s.value = {frame}; s.oninput();"
     browser.ask("{" + move + "}")
     browser.wait(f"document.body.dataset.frame == {frame}")
@@ -68,7 +68,7 @@ def test_a_mechanism_moves_with_the_slider_and_plays(browser, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_browser_without_webgl_says_so(tmp_path):
+def test_a_page_without_webgl_shows_a_message(tmp_path):
     view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False, frames=2)
     page = view.save(tmp_path / "arm.html").as_uri()
     flat = tuple(option for option in OPTIONS if "gl" not in option)
@@ -98,11 +98,22 @@ def test_a_notebook_shows_it_in_a_frame(browser, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
-    [cj.double_pendulum, cj.slider_crank, cj.four_bar, cj.robot_arm, cj.gear_pair]
-    + [cj.rotor_in_bearing, cj.andrews_squeezer, cj.spatial_four_bar, cj.quick_return],
+    [
+        cj.mechanisms.double_pendulum,
+        cj.mechanisms.slider_crank,
+        cj.mechanisms.four_bar,
+        cj.mechanisms.robot_arm,
+        cj.mechanisms.gear_pair,
+    ]
+    + [
+        cj.mechanisms.rotor_in_bearing,
+        cj.mechanisms.andrews_squeezer,
+        cj.mechanisms.spatial_four_bar,
+        cj.mechanisms.quick_return,
+    ],
     ids=lambda make: make.__name__,
 )
-def test_mechanisms_are_seen_before_a_run(make, browser, tmp_path):
+def test_mechanisms_are_visible_in_one_state(make, browser, tmp_path):
     scene, state = make()[:2]
     view = cj.view(scene, state, title=make.__name__)
     browser.open(view.save(tmp_path / "page.html").as_uri())

@@ -1,4 +1,4 @@
-"""Views: what is drawn where, how large, and what is said of it."""
+"""Views: positions and sizes of parts, legends and pages."""
 
 import dataclasses
 import re
@@ -14,9 +14,9 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
-from clearjoint.views.journals import WALL
+from clearjoint.views.initial_state import initial_state
 from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
-from clearjoint.views.placing import placed
+from clearjoint.views.sketching import WALL
 from clearjoint.views.survey import equivalent_solid
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
@@ -36,11 +36,11 @@ def journal_of(view):
 
 
 def spread(part, axis):
-    """Largest distance of a part's vertices from the axis, in its own axes, m."""
+    """Largest distance of a part's vertices from its z axis, m."""
     return np.linalg.norm(np.delete(part.mesh.vertices, axis, axis=1), axis=1).max()
 
 
-def test_a_journal_is_as_far_off_as_it_is_times_the_scale(seen):
+def test_the_eccentricity_of_a_journal_is_scaled(seen):
     journal = journal_of(seen)
     drawn = journal.poses[:, :3, 3]
     np.testing.assert_allclose(drawn, seen.clearance_scale * recorded.eccentricities(), atol=1e-12)
@@ -51,8 +51,8 @@ def test_a_journal_is_as_far_off_as_it_is_times_the_scale(seen):
     assert 0.2 * bore < seen.clearance_scale * recorded.CLEARANCE <= 0.3 * bore
 
 
-def test_true_proportions_are_kept_if_they_are_asked_for():
-    scene, state = cj.double_pendulum()
+def test_true_proportions_by_scales_of_one():
+    scene, state = cj.mechanisms.double_pendulum()
     view = cj.view(scene, state, clearance_scale=1.0, bearing_scale=1.0)
     assert spread(journal_of(view), 2) == pytest.approx(9.5e-3)
     ground = next(part for part in view.parts if part.name == "ground")
@@ -63,7 +63,7 @@ def test_true_proportions_are_kept_if_they_are_asked_for():
 
 
 def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():
-    scene, state = cj.four_bar()
+    scene, state = cj.mechanisms.four_bar()
     view = cj.view(scene, state)
     for name in ("crank", "coupler", "rocker"):
         bar = next(part for part in view.parts if part.name == name and part.colour != METAL)
@@ -95,7 +95,7 @@ def test_the_solid_of_a_turned_cylinder_is_that_cylinder():
     np.testing.assert_allclose(abs(solid.axes[:, 2] @ axis), 1.0)
 
 
-def test_arrows_point_at_where_the_journal_is_touched(seen):
+def test_arrows_end_at_contact_points(seen):
     pushes = [part for part in seen.parts if part.colour == FORCE]
     assert {part.name for part in pushes} == {"pin V", "pin W"}
     bore = recorded.RADIUS * seen.bearing_scale
@@ -111,7 +111,7 @@ def test_arrows_point_at_where_the_journal_is_touched(seen):
         np.testing.assert_allclose(across, bore, rtol=1e-9)
 
 
-def test_an_arrow_is_cut_where_a_given_scale_makes_it_too_long(seen):
+def test_long_arrows_are_cut_for_a_given_scale(seen):
     long = cj.view(
         recorded.arm_in_bearing(),
         recorded.motion(),
@@ -124,7 +124,7 @@ def test_an_arrow_is_cut_where_a_given_scale_makes_it_too_long(seen):
     assert "cut at" in long.legend.notes[-1]
 
 
-def pressed(peak: float) -> cj.Observation:
+def pressed(peak: float) -> cj.results.Observation:
     """The observation with a far larger force, N, at one instant."""
     force = recorded.observed().contacts["pin"]["V"].normal_force.copy()
     force[-1] = peak
@@ -134,7 +134,7 @@ def pressed(peak: float) -> cj.Observation:
 
 
 @pytest.mark.parametrize(("peak", "exponent"), [(800.0, 1.0), (80.0 * recorded.FORCE, 0.5)])
-def test_the_largest_force_has_the_longest_arrow_and_others_are_seen(peak, exponent):
+def test_the_largest_force_has_the_longest_arrow_and_others_are_visible(peak, exponent):
     scene, motion = recorded.arm_in_bearing(), recorded.motion()
     view = cj.view(scene, motion, observation=pressed(peak))
     (part,) = [part for part in view.parts if part.name == "pin V" and part.colour == FORCE]
@@ -148,13 +148,17 @@ def test_the_largest_force_has_the_longest_arrow_and_others_are_seen(peak, expon
 
 def test_impacts_between_the_frames_are_noted():
     saved, rows = recorded.motion(), [("pin", "V", 0.01, 0.011, 1e-3, 0.1, 0.1, 9e3, 0.01, 1e-6)]
-    solution = solution_of(saved, cj.Impacts.of_rows(rows))
+    solution = solution_of(saved, cj.results.Impacts.of_rows(rows))
     view = cj.view(recorded.arm_in_bearing(), solution, observation=recorded.observed())
-    assert view.legend.notes[-1] == "largest contact force of the run, between frames: 9 kN"
+    assert view.legend.notes[-1] == "largest contact force, between frames: 9 kN"
 
 
 def test_the_motion_is_in_the_middle_of_the_picture(seen):
-    for view in (seen, cj.view(*cj.slider_crank()[:2]), cj.view(*cj.robot_arm()[:2])):
+    for view in (
+        seen,
+        cj.view(*cj.mechanisms.slider_crank()[:2]),
+        cj.view(*cj.mechanisms.robot_arm()[:2]),
+    ):
         camera = view._camera
         bodies = [part for part in view.parts if part.colour not in (FORCE, LOAD)]
         count = 1 if view.times is None else len(view.times)
@@ -168,21 +172,23 @@ def test_the_motion_is_in_the_middle_of_the_picture(seen):
         assert max(high[1], high[0] / 1.25) > 0.6
 
 
-def test_a_run_that_kept_steps_alone_is_shown_at_even_times():
+def test_a_run_with_steps_only_is_shown_at_equal_intervals():
     steps = recorded.motion()
     times = np.r_[0.0, 1e-6, 2e-6, 0.02]
-    steps = cj.Trajectory(times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states))
+    steps = cj.results.Trajectory(
+        times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states)
+    )
     solution = dataclasses.replace(solution_of(steps), saved=None, steps=steps)
     view = cj.view(recorded.arm_in_bearing(), solution, forces=False, frames=5)
     np.testing.assert_allclose(view.times, np.linspace(0.0, 0.02, 5))
 
 
-def test_a_page_says_where_there_is_no_webgl(seen):
+def test_a_page_reports_missing_webgl(seen):
     tail = seen.html.rpartition("<script>")[2]
     assert "WebGL" in tail and "K3DInstance" not in tail
 
 
-def test_modes_colour_the_journal_and_stand_in_the_legend(seen):
+def test_modes_colour_the_journal_and_are_in_the_legend(seen):
     journal = journal_of(seen)
     assert journal.colour_at(0) == MODES[0]
     assert journal.colour_at(recorded.COUNT - 1) == MODES[2]
@@ -192,13 +198,13 @@ def test_modes_colour_the_journal_and_stand_in_the_legend(seen):
     assert told[FORCE] == "contact force"
 
 
-def test_the_picture_says_its_scales(seen):
-    assert f"clearances drawn {seen.clearance_scale:g} " in seen.legend.notes[0]
+def test_the_legend_has_the_scales(seen):
+    assert f"clearances enlarged {seen.clearance_scale:g} " in seen.legend.notes[0]
     assert seen.legend.notes[-1].startswith("arrows: ")
     assert all(note.split("×")[0] in seen.html for note in seen.legend.notes)
 
 
-def test_forces_are_left_out_if_nobody_wants_them():
+def test_forces_can_be_omitted():
     view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
     assert all(part.colour != FORCE and part.modes is None for part in view.parts)
 
@@ -208,7 +214,9 @@ def test_ten_thousand_states_make_a_small_page(tmp_path):
     still, turn = np.zeros((count, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
     place = np.random.default_rng(0).normal(0.2, 1e-3, (count, 3))
     times = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, count)) * 1e-4
-    motion = cj.Trajectory(times, cj.State({"arm": cj.BodyState(place, turn, still, still)}))
+    motion = cj.results.Trajectory(
+        times, cj.State({"arm": cj.BodyState(place, turn, still, still)})
+    )
     view = cj.view(recorded.arm_in_bearing(), motion, frames=300)
     assert 290 <= len(view.times) <= 300
     assert (view.times[0], view.times[-1]) == (times[0], times[-1])
@@ -216,7 +224,7 @@ def test_ten_thousand_states_make_a_small_page(tmp_path):
     assert view.save(tmp_path / "long.html").stat().st_size < 3e6
 
 
-def test_a_page_asks_nothing_of_a_network(seen):
+def test_a_page_needs_no_network(seen):
     tags = re.findall(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[^>]*>", seen.html)
     assert tags == []
     frame = seen._repr_html_()
@@ -231,7 +239,7 @@ def test_names_cannot_break_the_page():
     assert "</script><b>" not in page
 
 
-class Mystery(cj.AbstractForce):
+class Mystery(cj.extend.AbstractForce):
     body: str
 
     def body_names(self):
@@ -241,11 +249,11 @@ class Mystery(cj.AbstractForce):
         return {}
 
     def draw(self, pen):
-        pen.rod(cj.Marker("ground", ORIGIN), cj.Marker(self.body, ORIGIN))
+        pen.rod(cj.extend.Marker("ground", ORIGIN), cj.extend.Marker(self.body, ORIGIN))
 
 
 AXES = (ORIGIN, ORIGIN, Z, Z)
-FLAT = cj.Hertz(1e9)
+FLAT = cj.laws.Hertz(1e9)
 ELEMENTS = (
     cj.SphericalJoint("ground", "ball", ORIGIN, ORIGIN),
     cj.RevoluteJoint("ground", "ball", *AXES),
@@ -276,7 +284,7 @@ ELEMENTS = (
 @pytest.mark.parametrize("element", ELEMENTS, ids=lambda element: type(element).__name__)
 def test_every_element_draws_itself(element):
     bare = cj.Scene({"ball": BALL})
-    family = "forces" if isinstance(element, cj.AbstractForce) else "joints"
+    family = "forces" if isinstance(element, cj.extend.AbstractForce) else "joints"
     scene = cj.Scene({"ball": BALL}, **{family: {"it": element}})
     state = cj.State({"ball": cj.body_state((0.3, 0.1, 0.02))})
     view, without = cj.view(scene, state), cj.view(bare, state)
@@ -290,7 +298,7 @@ def test_every_element_draws_itself(element):
 
 
 def test_teeth_mesh_in_the_gaps_of_the_other_gear():
-    scene, state = cj.gear_pair()
+    scene, state = cj.mechanisms.gear_pair()
     view = cj.view(scene, state)
     for name, radius, towards in (("pinion", 0.030, 0.0), ("wheel", 0.075, np.pi)):
         (part,) = [part for part in view.parts if part.name == name]
@@ -300,24 +308,24 @@ def test_teeth_mesh_in_the_gaps_of_the_other_gear():
         assert (size[np.argmin(away)] > radius) == (name == "wheel")
 
 
-def test_bodies_without_a_state_are_where_joints_put_them():
-    scene, _ = cj.double_pendulum()
-    state, fits = placed(scene)
+def test_bodies_without_a_state_follow_the_joints():
+    scene, _ = cj.mechanisms.double_pendulum()
+    state, fits = initial_state(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
-    assert "as the joints put it" in cj.view(scene).legend.notes[0]
+    assert "state found from the joints" in cj.view(scene).legend.notes[0]
 
 
 @pytest.mark.slow
-def test_loops_are_closed_where_no_state_is_given():
-    scene, _ = cj.four_bar()
-    state, fits = placed(scene)
+def test_loops_are_closed_without_a_state():
+    scene, _ = cj.mechanisms.four_bar()
+    state, fits = initial_state(scene)
     assert fits
     assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
 
 
-def test_a_mesh_of_ones_own_takes_the_place_of_the_bar(tmp_path):
-    scene, state = cj.double_pendulum()
+def test_a_given_mesh_replaces_the_bar(tmp_path):
+    scene, state = cj.mechanisms.double_pendulum()
     box = trimesh.creation.box((1.0, 0.1, 0.1))
     box.export(tmp_path / "arm.stl")
     for given in (box, (box.vertices, box.faces), tmp_path / "arm.stl"):
@@ -330,9 +338,9 @@ def test_a_mesh_of_ones_own_takes_the_place_of_the_bar(tmp_path):
 
 WRONG = {
     "unknown body": ({"meshes": {"leg": "leg.stl"}}, "meshes.*names of bodies.*leg"),
-    "no file": ({"meshes": {"arm 2": "none.stl"}}, "meshes.*a file that there is"),
+    "no file": ({"meshes": {"arm 2": "none.stl"}}, "meshes.*an existing file"),
     "millimetres": ({"meshes": {"arm 2": (1e6 * np.eye(3), [[0, 1, 2]])}}, "apply_scale"),
-    "faces": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 3]])}}, "faces of its vertices"),
+    "faces": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 3]])}}, "faces of known vertices"),
     "frames": ({"frames": 0}, "frames"),
     "clearance": ({"clearance_scale": 1e4}, "clearance_scale.*at most"),
     "negative": ({"bearing_scale": -1.0}, "bearing_scale"),
@@ -341,18 +349,18 @@ WRONG = {
 
 
 @pytest.mark.parametrize("options, message", WRONG.values(), ids=WRONG)
-def test_what_cannot_be_drawn_is_refused(options, message):
+def test_invalid_arguments_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        cj.view(*cj.double_pendulum(), **options)
+        cj.view(*cj.mechanisms.double_pendulum(), **options)
 
 
 def test_motions_that_do_not_fit_are_refused():
     scene, motion = recorded.arm_in_bearing(), recorded.motion()
     with pytest.raises(ValueError, match="motion.*scene's bodies"):
-        cj.view(cj.double_pendulum()[0], motion)
+        cj.view(cj.mechanisms.double_pendulum()[0], motion)
     with pytest.raises(ValueError, match="motion.*a state or a solution"):
         cj.view(scene, "solution")
-    one = cj.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
+    one = cj.results.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
     with pytest.raises(ValueError, match="one row for each time"):
         cj.view(scene, one)
     half = jax.tree.map(lambda rows: rows[::2], motion)
@@ -370,15 +378,15 @@ def test_pictures_and_animations_are_written(seen, tmp_path):
 def test_files_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="file.*one of"):
         seen.save(tmp_path / "arm.step")
-    standing = cj.view(*cj.double_pendulum())
+    standing = cj.view(*cj.mechanisms.double_pendulum())
     with pytest.raises(ValueError, match="pass a solution"):
         standing.save(tmp_path / "arm.gif")
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    with pytest.raises(ValueError, match="ffmpeg.*gif"):
+    with pytest.raises(ValueError, match="ffmpeg.*GIF"):
         seen.save(tmp_path / "arm.mp4")
 
 
-def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
+def test_missing_packages_are_named_with_their_extra(seen, monkeypatch):
     monkeypatch.setitem(sys.modules, "k3d", None)
     again = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
     with pytest.raises(ImportError, match=r"clearjoint\[view\]"):
@@ -387,14 +395,14 @@ def test_what_is_missing_is_named_with_its_extra(seen, monkeypatch):
 
 @pytest.mark.slow
 def test_a_solution_is_observed_and_shown():
-    scene, state = cj.double_pendulum()
+    scene, state = cj.mechanisms.double_pendulum()
     times = np.linspace(0.0, 0.2, 41)
-    solution = cj.simulate(scene, state, 0.2, cj.presets.look, save=cj.Saving(times))
+    solution = cj.simulate(scene, state, 0.2, cj.presets.preview, save=cj.Saving(times))
     view = cj.view(scene, solution, frames=21)
     assert len(view.times) == 21
     assert {part.name for part in view.parts if part.colour == FORCE} <= {"pin V", "pin W"} | {
         f"{name} {base}" for name in scene.joints for base in "VW"
     }
-    without = cj.simulate(scene, state, 0.01, cj.presets.look)
+    without = cj.simulate(scene, state, 0.01, cj.presets.preview)
     with pytest.raises(ValueError, match="save=Saving"):
         cj.view(scene, without)

@@ -1,7 +1,7 @@
-"""The program `clearjoint` from its first moment on.
+"""Entry point of the program `clearjoint`.
 
-Installed as a module outside of the package, whose import takes a second or more: Ctrl-C ends the
-program during that import as well, without a traceback.
+It is installed as a module outside the package, whose import takes a second or more, so that Ctrl-C
+during that import ends the program without a traceback.
 """
 
 import os
@@ -11,12 +11,12 @@ from types import FrameType
 
 def main() -> None:
     """Run the program with the arguments of the command line."""
-    usual = signal.getsignal(signal.SIGINT)
-    if usual is signal.default_int_handler:
+    previous = signal.getsignal(signal.SIGINT)
+    if previous is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
     from clearjoint.command_line.program import main as program
 
-    signal.signal(signal.SIGINT, usual)
+    signal.signal(signal.SIGINT, previous)
     program()
 
 

@@ -1,1 +1,1 @@
-"""Alike elements of a scene put together, and coordinates for what results."""
+"""Groups of elements with the same structure in a scene, and coordinates for grouped scenes."""

@@ -1,14 +1,14 @@
-"""Alike elements of a scene put together, so that cost grows slowly with their number.
+"""Group elements with the same structure, so that cost grows slowly with their number.
 
-Written out, each element costs machine code: the stepping loop of a chain of 16 rods outgrows the
-caches and takes minutes to compile. Put together, the elements of a group share the code, and the
-processor's vector units do several at a time.
+Written out, each element costs machine code: the stepping loop of a chain of 16 rods exceeds the
+caches and takes minutes to compile. The elements of a group share code and are computed as arrays,
+by the processor's vector units.
 
-Bodies form a group if they move freely (no ideal joint holds them, and no `Anchor` keeps their
-digits) and their numbers have the same pattern of structural zeros and ones; clearance joints if
-they are of one structure but for the names of their bodies, and each of the two bodies is in the
-same group for all of them, or the same. The state of a group remains together for a whole run;
-names are taken apart at its ends. Everything happens while tracing, from names and structure.
+Bodies form a group if they move freely (no ideal joint and no `Anchor`) and their numbers have the
+same pattern of structural zeros and ones. Clearance joints form a group if they differ only in
+numbers and names of bodies, and if for all of them the first body is the same or in the same group,
+and likewise the second. A run keeps the state of a group as arrays; names are split at its start
+and end. Groups are formed while tracing, from names and structure.
 """
 
 import copy
@@ -21,34 +21,36 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...math.groups import Several, by_name, is_structural, stack
+from ...math.groups import GroupName, by_name, is_structural, stack
 from ...math.vectors import Matrix, Vector
 from ...model.bodies import GROUND, GROUND_MOTION, Motion
+from ...model.clearance_joints.grouped_contacts import GroupedContactJoint
 from ...model.joints.base import AbstractContactJoint
-from ...model.plays.alike_contacts import SeveralContactJoints
 from ...model.scene import Scene
 
 SMALLEST = 4
-"""Elements from which on they are put together."""
+"""Smallest number of elements of a group."""
 T = TypeVar("T")
 
 ROLES = ("the first body", "the second body")
+"""Names that replace those of a joint's bodies when joints are compared."""
 
 
 def condensed(scene: Scene) -> Scene:
-    """The scene (in scalar form) with its alike elements put together, under `Several` names."""
-    order, held, contacts = _order(scene), _held_bodies(scene), scene.contact_joints()
-    free = {name: _structure(scene.bodies[name]) for name in order if name not in held}
+    """Return the scene, in scalar form, with its groups under `GroupName` names."""
+    order, constrained, contacts = _order(scene), _constrained_bodies(scene), scene.contact_joints()
+    free = {name: _structure(scene.bodies[name]) for name in order if name not in constrained}
     bodies = {
-        Several(names): stack([scene.bodies[name] for name in names]) for names in _alike(free)
+        GroupName(names): stack([scene.bodies[name] for name in names])
+        for names in _groups_of(free)
     }
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
         name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
     }
     joints = {
-        Several(names): _together([contacts[name] for name in names])
-        for names in _alike(structures)
+        GroupName(names): _joint_group([contacts[name] for name in names])
+        for names in _groups_of(structures)
     }
     return eqx.tree_at(
         lambda s: (s.bodies, s.joints),
@@ -58,38 +60,47 @@ def condensed(scene: Scene) -> Scene:
 
 
 def whole(scene: Scene) -> Scene:
-    """The scene that was condensed."""
+    """Return the original scene of a condensed one."""
     joints = {}
     for name, joint in scene.joints.items():
-        if isinstance(joint, SeveralContactJoints):
-            assert isinstance(name, Several)
+        if isinstance(joint, GroupedContactJoint):
+            assert isinstance(name, GroupName)
             joints |= dict(zip(name.members, joint.members, strict=True))
         else:
             joints[name] = joint
     return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, (by_name(scene.bodies), joints))
 
 
-def groups(scene: Scene) -> list[Several]:
-    """The names of the groups of bodies and joints of a condensed scene."""
-    return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, Several)]
+def groups(scene: Scene) -> list[GroupName]:
+    """Return the names of the groups of bodies and joints of a condensed scene."""
+    return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, GroupName)]
 
 
-def _with_groups(family: Mapping[str, T], groups: Mapping[Several, T]) -> dict[str, T]:
-    placed = {member for group in groups for member in group.members}
-    return {name: one for name, one in family.items() if name not in placed} | dict(groups)
+def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict[str, T]:
+    """Return bodies or joints by name, with the members of groups replaced by the groups."""
+    grouped = {member for group in groups for member in group.members}
+    return {name: one for name, one in family.items() if name not in grouped} | dict(groups)
 
 
-def _together(joints: list[AbstractContactJoint]) -> SeveralContactJoints:
+def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
+    """Return joints with the same structure as one joint whose numbers are arrays."""
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
-    return SeveralContactJoints(
+    return GroupedContactJoint(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
         tuple(joints),
-        *(GROUND if GROUND in names else Several(names) for names in (first, second)),
+        *(GROUND if GROUND in names else GroupName(names) for names in (first, second)),
     )
 
 
-def _alike(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
-    """Names whose keys are equal and not ``None``, where they are enough to be put together."""
+def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
+    """Sort names into groups with equal keys.
+
+    Groups of fewer than `SMALLEST` names are left out, and so are names whose key is ``None``.
+
+    **Arguments:** `keys`: the key of each name.
+
+    **Returns:** the names of each group.
+    """
     families: dict[Hashable, list[str]] = {}
     for name, key in keys.items():
         if key is not None:
@@ -98,7 +109,10 @@ def _alike(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Equal for trees whose scalars may be stack; ``None`` if there is more than scalars."""
+    """Return a key that is equal for trees whose scalars can be stacked.
+
+    Return ``None`` if a leaf is no scalar.
+    """
     leaves, structure = jax.tree.flatten(tree)
     parts = []
     for leaf in leaves:
@@ -111,26 +125,34 @@ def _structure(tree: PyTree) -> Hashable | None:
     return structure, tuple(parts)
 
 
-def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, Several]) -> Hashable:
+def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
+    """Return a key that is equal for joints of one group.
+
+    Return ``None`` if the joint cannot be grouped.
+    """
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None
     anonymous = _renamed(joint, ROLES)
-    alike = _structure(anonymous)
-    if alike is None or anonymous.pair() != _roles(joint, ROLES):
+    structure = _structure(anonymous)
+    # If renaming does not change the pair, the joint does not take the names from its fields.
+    if structure is None or anonymous.pair() != _roles(joint, ROLES):
         return None
-    return alike, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
+    return structure, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
 
 
 def _roles(joint: AbstractContactJoint, names: tuple[str, str]) -> tuple[str, ...]:
+    """Return `names` for the joint's bodies, except that the ground keeps its name."""
     return tuple(
         GROUND if name == GROUND else role for name, role in zip(joint.pair(), names, strict=True)
     )
 
 
 def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractContactJoint:
-    """The joint between bodies of other names, the ground's excepted. Checks of its class do not
-    run: its numbers are in scalar form."""
+    """Return the joint with the names of its bodies replaced, except the ground's.
+
+    The checks of its class do not run, since its numbers are in scalar form.
+    """
     new_names = dict(zip(joint.pair(), _roles(joint, names), strict=True))
     renamed = copy.copy(joint)
     for field in dataclasses.fields(joint):
@@ -141,7 +163,7 @@ def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractCon
 
 
 def _has_rows(joint: AbstractContactJoint) -> bool:
-    """Whether the joint adds constraint equations to its contacts."""
+    """Return whether the joint has constraint rows besides its contacts."""
     number = jnp.ones(())
     vector = Vector(number, number, number)
     motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
@@ -149,8 +171,8 @@ def _has_rows(joint: AbstractContactJoint) -> bool:
     return bool(jax.eval_shape(lambda: joint.rows(motions, number)))
 
 
-def _held_bodies(scene: Scene) -> set[str]:
-    """Bodies that constraint equations or an anchor concern."""
+def _constrained_bodies(scene: Scene) -> set[str]:
+    """Return the bodies with constraint rows or an anchor."""
     contacts = scene.contact_joints()
     return {
         body
@@ -161,29 +183,32 @@ def _held_bodies(scene: Scene) -> set[str]:
 
 
 def _order(scene: Scene) -> dict[str, int]:
-    """Places of the bodies, such that neighbours in a chain of joints follow each other: what
-    a joint's first and second bodies are is then a slice of a group."""
+    """Return the index of each body in an order in which neighbours in a chain are consecutive.
+
+    The first bodies of a group of joints, and their second bodies, are then slices of a group of
+    bodies, which are cheaper than gathers.
+    """
     neighbours: dict[str, list[str]] = {name: [] for name in (GROUND, *scene.bodies)}
     for joint in scene.contact_joints().values():
         first, second = joint.pair()
         neighbours[first].append(second)
         neighbours[second].append(first)
-    places: dict[str, int] = {}
+    indices: dict[str, int] = {}
     waiting = [*reversed(scene.bodies), GROUND]
     while waiting:
         name = waiting.pop()
-        if name not in places:
-            places[name] = len(places)
+        if name not in indices:
+            indices[name] = len(indices)
             waiting += reversed(neighbours[name])
-    return {name: place for name, place in places.items() if name != GROUND}
+    return {name: index for name, index in indices.items() if name != GROUND}
 
 
 def _by_bodies(
     joints: Mapping[str, AbstractContactJoint], order: Mapping[str, int]
 ) -> Iterable[str]:
-    """The joints' names in the order of their bodies."""
+    """Return the joints' names in the order of their bodies."""
 
-    def place(name: str) -> tuple[int, ...]:
+    def key(name: str) -> tuple[int, ...]:
         return tuple(sorted((order.get(body, -1) for body in joints[name].pair()), reverse=True))
 
-    return sorted(joints, key=place)
+    return sorted(joints, key=key)

@@ -1,1 +1,1 @@
-"""Coordinates of a tree of joints, with the mass matrix by composite rigid bodies."""
+"""Joint coordinates of trees, with the mass matrix by the composite rigid body algorithm."""

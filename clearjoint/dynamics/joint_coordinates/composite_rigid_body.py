@@ -1,12 +1,24 @@
-"""The equations of motion of a tree in joint coordinates.
+"""Equations of motion of a tree in joint coordinates, by the composite rigid body algorithm.
 
-By composite bodies (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6), with one change
-of unknowns. The rate of a joint's angle is counted against a carrier that does not turn about its
-axis: u' = u + axis . (angular acceleration of the carrier). What the carried bodies do along the
-axis then never enters the carrier's equations. Otherwise it enters twice, with opposite signs: the
-double pendulum's arm 2 with its 0.001 kg m^2 about the hinge then carries the rounding errors of
-arm 3's 2.3 kg m^2, which cost two digits of the last impacts. Where axes are coordinate axes, the
-terms are structural zeros besides.
+The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
+unknowns. Each joint connects a carried body to its carrier, the next body towards the root. The
+book solves for the rate u' of each joint's speed u, relative to the carrier. This module solves for
+
+    r = u' + axis . (angular acceleration of the carrier),
+
+the rate relative to a carrier that does not rotate about the joint's axis. For a translation,
+r = u'.
+
+The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
+enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
+unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
+`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has
+2.3 kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts.
+If axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
+omits.
+
+Arguments and results of the type `Speeds` have one entry for each speed of the tree, from the root
+to the leaves. Where they are rates or changes of speeds, they have the form of r.
 """
 
 from collections.abc import Iterator
@@ -29,7 +41,7 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 class TreeMechanics:
-    """One tree: its mass matrix, factorised once for all forces and constraints."""
+    """Mechanics of one tree; the mass matrix is factorised once for all forces and constraints."""
 
     def __init__(
         self, scene: Scene, tree: Tree, variables: dict[str, MotionVariables], motions: Motions
@@ -38,6 +50,8 @@ class TreeMechanics:
         self._axes = motions[tree[0].body].rotation
         self._gravity = ZERO if scene.gravity is None else scene.gravity
         gravity = self._axes.transposed_times(self._gravity)
+        # In a free tree all bodies fall alike: rates are relative to free fall, and gravity is
+        # added to the accelerations. In a tree on the ground, gravity is a load on each body.
         self._fall, self._weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
         index = {branch.body: k for k, branch in enumerate(tree)}
         self._parents = [index.get(branch.parent) for branch in tree]
@@ -49,6 +63,7 @@ class TreeMechanics:
             central_inertia(scene.bodies[branch.body], link.rotation)
             for branch, link in self._pairs()
         ]
+        # Index of the first speed of each link, and the number of all speeds at the end.
         self._firsts = [0]
         for link in self._links:
             self._firsts.append(self._firsts[-1] + len(link.columns))
@@ -59,53 +74,61 @@ class TreeMechanics:
         return zip(self._tree, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
-        """The lower triangle, from the leaves to the root."""
+        """Return the lower triangle of the mass matrix, filled from the leaves to the root.
+
+        At each link `composites` holds the inertia of the link with all bodies that it carries, as
+        far as their joints transmit it.
+        """
         matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self.size)]
         composites: list[Inertia] = [
-            inertia(self._scene.bodies[branch.body], link.place, central)
+            inertia(self._scene.bodies[branch.body], link.centre, central)
             for (branch, link), central in zip(self._pairs(), self._central, strict=True)
         ]
         for k in reversed(range(len(self._links))):
             columns, first = self._links[k].columns, self._firsts[k]
+            # Momentum of the composite for a unit of each speed; its products with the columns are
+            # the diagonal block. The joint transmits the momentum without these components.
             wholes = [composites[k].momentum(column) for column in columns]
-            own = [[_product(column, whole) for column in columns] for whole in wholes]
-            rests = [_rest(columns, *pair) for pair in zip(wholes, own, strict=True)]
+            block = [[_product(column, whole) for column in columns] for whole in wholes]
+            rests = [_transmitted(columns, *pair) for pair in zip(wholes, block, strict=True)]
             for j, rest in enumerate(rests):
-                matrix[first + j][first:] = own[j][: j + 1]
+                matrix[first + j][first:] = block[j][: j + 1]
                 self._fill_row(matrix[first + j], self._parents[k], rest)
             parent = self._parents[k]
             if parent is not None:
-                seen = composites[k]
+                # By the choice of unknowns, the composite does not follow the carrier's rotation
+                # about the joint's axes, so its inertia about them does not act on the carrier.
+                transmitted = composites[k]
                 for column, whole, rest in zip(columns, wholes, rests, strict=True):
-                    seen = seen.without(column.turn, whole, rest)
-                composites[parent] = composites[parent] + seen
+                    transmitted = transmitted.without(column.angular, whole, rest)
+                composites[parent] = composites[parent] + transmitted
         return matrix
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Products with the columns of a link and those of the links that carry it."""
+        """Fill a row with products of a momentum and the columns of link k and of its carriers."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
                 row[j] = _product(column, momentum)
-            momentum = _rest(columns, momentum, row[first : first + len(columns)])
+            momentum = _transmitted(columns, momentum, row[first : first + len(columns)])
             k = self._parents[k]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """The inverse of the mass matrix times forces."""
+        """Return the inverse of the mass matrix times forces."""
         return self._factorisation.solve(forces)
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Rates of the speeds under wrenches, without constraints."""
+        """Return the rates of the speeds under wrenches, without constraints."""
         loads = []
         for k, (branch, link) in enumerate(self._pairs()):
             force, moment = self._load(branch.body, link, wrenches)
             central, mass = self._central[k], self._scene.bodies[branch.body].mass
-            gyroscopic = link.spin.cross(central @ link.spin) + central @ link.turn_bias
+            gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
             loads.append((force - (link.bias - self._weight) * mass, moment - gyroscopic))
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Forces on the speeds: H^T times the wrenches, and zero where a body has none."""
+        """Return H^T times the wrenches, the generalised forces on the speeds."""
         return self._along_columns(
             [self._load(branch.body, link, wrenches) for branch, link in self._pairs()]
         )
@@ -116,93 +139,104 @@ class TreeMechanics:
         return force, link.rotation @ wrench.moment
 
     def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
-        """Forces on the speeds, from the leaves to the root."""
+        """Sum the loads on all bodies along the columns, from the leaves to the root."""
         totals = [
-            Twist(moment + link.place.cross(force), force)
+            Twist(moment + link.centre.cross(force), force)
             for (force, moment), link in zip(loads, self._links, strict=True)
         ]
         forces: Speeds = [0.0] * self.size
         for k in reversed(range(len(totals))):
             columns, first = self._links[k].columns, self._firsts[k]
-            own = [_product(column, totals[k]) for column in columns]
-            forces[first : first + len(own)] = own
+            along = [_product(column, totals[k]) for column in columns]
+            forces[first : first + len(along)] = along
             parent = self._parents[k]
             if parent is not None:
-                totals[parent] = totals[parent] + _rest(columns, totals[k], own)
+                totals[parent] = totals[parent] + _transmitted(columns, totals[k], along)
         return forces
 
     def bias(self, row: Row) -> Scalar:
-        """The row's Jacobian times the accelerations at zero rates."""
+        """Return the row's Jacobian times the accelerations at zero rates."""
         total: Scalar = 0.0
         for branch, link in self._pairs():
             force, moment = self._load(branch.body, link, row.jacobian)
             bias = link.bias + self._fall
-            total = add(total, add(force.dot(bias), moment.dot(link.turn_bias)))
+            total = add(total, add(force.dot(bias), moment.dot(link.angular_bias)))
         return total
 
-    def _spread_out(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """From the root to the leaves: what a link's point at the origin does, and the part of the
-        rates, counted against its carrier, that is its own."""
+    def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
+        """Yield for each link, from the root to the leaves, the acceleration of its point at the
+        origin, and its rates u' relative to its carrier.
+
+        This reverses the change of unknowns: u' = r - axis . (angular acceleration of the carrier).
+        """
         twists: list[Twist] = []
         for k, link in enumerate(self._links):
-            parent, own = self._parents[k], rates[self._firsts[k] : self._firsts[k + 1]]
+            parent, part = self._parents[k], rates[self._firsts[k] : self._firsts[k + 1]]
             twist = REST if parent is None else twists[parent]
-            own = [
-                subtract(rate, column.turn.dot(twist.turn))
-                for column, rate in zip(link.columns, own, strict=True)
+            relative = [
+                subtract(rate, column.angular.dot(twist.angular))
+                for column, rate in zip(link.columns, part, strict=True)
             ]
-            for column, rate in zip(link.columns, own, strict=True):
+            for column, rate in zip(link.columns, relative, strict=True):
                 twist = twist + column * rate
             twists.append(twist)
-            yield twist, own
+            yield twist, relative
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Accelerations of the bodies."""
+        """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
         accelerations = {}
-        for (branch, link), (twist, _) in zip(self._pairs(), self._spread_out(rates), strict=True):
-            linear = twist.slide + twist.turn.cross(link.place) + link.bias + self._fall
-            angular = link.rotation.transposed_times(twist.turn + link.turn_bias)
+        for (branch, link), (twist, _) in zip(self._pairs(), self._per_link(rates), strict=True):
+            linear = twist.linear + twist.angular.cross(link.centre) + link.bias + self._fall
+            angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
             accelerations[branch.body] = BodyAcceleration(self._axes @ linear, angular)
         return accelerations
 
     def variable_rates(self, rates: Speeds) -> dict[str, MotionVariables]:
-        """Time derivatives of the variables."""
+        """Return the time derivatives of each body's variables, by name, for given rates r."""
         return {
-            branch.body: branch.rates(state, own, self._axes, self._gravity)
-            for branch, state, own in self._shared_out(rates)
+            branch.body: branch.rates(state, part, self._axes, self._gravity)
+            for branch, state, part in self._per_branch(rates)
         }
 
     def after_displacement(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """The variables after a small motion along the speeds."""
+        """Return each body's variables, by name, after a small displacement.
+
+        **Arguments:** `changes`: (size,) displacement along each speed, m or rad, in the form of r:
+        relative to a carrier that does not rotate about the joint's axis.
+        """
         return {
-            branch.body: branch.after_displacement(state, own, self._axes)
-            for branch, state, own in self._shared_out(changes)
+            branch.body: branch.after_displacement(state, part, self._axes)
+            for branch, state, part in self._per_branch(changes)
         }
 
     def after_speed_change(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """The variables after changes of the speeds."""
+        """Return each body's variables, by name, after sudden changes of the speeds.
+
+        **Arguments:** `changes`: (size,) change of each speed, m/s or rad/s, in the form of r:
+        relative to a carrier that does not rotate about the joint's axis.
+        """
         return {
-            branch.body: branch.after_speed_change(state, own, self._axes)
-            for branch, state, own in self._shared_out(changes)
+            branch.body: branch.after_speed_change(state, part, self._axes)
+            for branch, state, part in self._per_branch(changes)
         }
 
-    def _shared_out(
+    def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds]]:
-        """Each branch with its variables and its own part of the rates."""
-        for branch, (_, own) in zip(self._tree, self._spread_out(rates), strict=True):
-            yield branch, self._variables[branch.body], own
+        """Yield each branch with its variables and its rates relative to its carrier."""
+        for branch, (_, part) in zip(self._tree, self._per_link(rates), strict=True):
+            yield branch, self._variables[branch.body], part
 
 
 def _product(first: Twist, second: Twist) -> Scalar:
-    """Power of a load, or product of a momentum, with a twist."""
-    return add(first.turn.dot(second.turn), first.slide.dot(second.slide))
+    """Return the product of a twist with a load or a momentum."""
+    return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
-def _rest(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
-    """What a body passes on to the body that carries it: a load on it, or its momentum, without the
-    moments `along` its own columns, which its joint leaves free."""
-    moment = load.turn
+def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
+    """Return the part of a load or momentum that a joint transmits to the carrier: without the
+    components `along` the axes of its columns, which it leaves free."""
+    moment = load.angular
     for column, part in zip(columns, along, strict=True):
-        moment = moment - column.turn * part
-    return Twist(moment, load.slide)
+        moment = moment - column.angular * part
+    return Twist(moment, load.linear)

@@ -1,8 +1,8 @@
 """Joint coordinates: angles and distances of the ideal joints, which then need no constraints.
 
-A clearance joint is a force element: it opens its loop. What is left of most mechanisms with
-clearances is a tree, and in joint coordinates a tree has no multipliers, no drift, no redundancy
-and few states. Joints that close a loop stay constraints.
+A clearance joint is a force element and opens its loop, so most mechanisms with clearances are
+trees. In joint coordinates a tree has no multipliers, no drift, no redundancy and few states.
+Joints that close a loop remain constraints.
 """
 
 from collections.abc import Iterator
@@ -32,27 +32,35 @@ TreeVariables: TypeAlias = dict[str, MotionVariables]
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds of the bodies along the ideal joints that carry them.
 
-    A body that nothing carries has the variables that it has in absolute coordinates, those of its
-    `Anchor` included.
+    A free body has the same variables as in absolute coordinates, including its `Anchor`.
 
-    The default, since they are the faster ones on every mechanism measured. Time of a right-hand
-    side in a native loop of one lane, in joint and in absolute coordinates, µs: double pendulum
-    0.14 and 0.24 (0.04 and 0.07 a lane in a batch of 64), ideal one 0.03 and 0.38, double four-bar
-    0.25 and 50, Bricard 0.5 and 45, chain of 4 and of 12 bodies about changing axes 0.2 and 34, 2.3
-    and 150. The large ratios are those of systems of constraints that no longer need LAPACK.
+    They are the default, because they are faster on every mechanism measured. Time of a right-hand
+    side in a native loop of one lane, µs:
+
+    | mechanism | joint coordinates | absolute coordinates |
+    |---|---|---|
+    | double pendulum with clearance | 0.14 | 0.24 |
+    | the same, a lane in a batch of 64 | 0.04 | 0.07 |
+    | ideal double pendulum | 0.03 | 0.38 |
+    | double four-bar | 0.25 | 50 |
+    | Bricard | 0.5 | 45 |
+    | chain of 4 bodies, changing axes | 0.2 | 34 |
+    | chain of 12 bodies, changing axes | 2.3 | 150 |
+
+    The large ratios are due to systems of constraints that then need no LAPACK.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """The joints that carry a body of a tree."""
+        """Return the names of the joints that carry a body of a tree."""
         return frozenset(
             branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
         )
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
-        """The variables of a state. What violates a joint of the trees is lost."""
+        """Return the variables of a state; violations of the joints of the trees are dropped."""
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         for name, body in bodies.items():
             rotation = rotation_matrix(body.orientation)
@@ -66,31 +74,34 @@ class JointCoordinates(AbstractCoordinates):
         }
 
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
-        """The states of the bodies."""
-        motions, turns = self.motions(scene, variables), {GROUND: UPRIGHT}
+        """Return the states of the bodies."""
+        motions, orientations = self.motions(scene, variables), {GROUND: UPRIGHT}
         for branch in _branches(scene):
             state = variables[branch.body]
-            turns[branch.body] = branch.orientation(turns[branch.parent], state)
+            orientations[branch.body] = branch.orientation(orientations[branch.parent], state)
         return {
             name: BodyState(
-                motions[name].position, turns[name], motions[name].velocity, motions[name].spin
+                motions[name].position,
+                orientations[name],
+                motions[name].velocity,
+                motions[name].spin,
             )
             for name in scene.bodies
         }
 
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        """Motion of each body, from the roots to the leaves."""
+        """Return the motion of each body, from the roots to the leaves."""
         motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
         for branch in _branches(scene):
             motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
         return motions
 
     def mechanics(self, scene: Scene, variables: TreeVariables) -> "JointMechanics":
-        """The equations of motion of the trees."""
+        """Return the equations of motion of the trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """The variables of each body, in numbers that don't drift."""
+        """Return the variables of each body, normalised."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }
@@ -98,7 +109,7 @@ class JointCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """The variables of each body with the speeds of the others."""
+        """Return the variables of each body with the speeds of `others`."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
@@ -110,53 +121,53 @@ def _branches(scene: Scene) -> list[AbstractBranch]:
 
 
 class JointMechanics(AbstractMechanics):
-    """The trees side by side."""
+    """Mechanics of several trees; the speeds of one tree follow those of the other."""
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
         self.motions = motions
         self._trees = [TreeMechanics(scene, tree, variables, motions) for tree in forest(scene)]
 
-    def _shared_out(self, numbers: Speeds) -> Iterator[tuple[TreeMechanics, Speeds]]:
+    def _per_tree(self, numbers: Speeds) -> Iterator[tuple[TreeMechanics, Speeds]]:
         first = 0
         for tree in self._trees:
             yield tree, numbers[first : first + tree.size]
             first += tree.size
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Rates of the speeds of all trees."""
+        """Return the rates of the speeds of all trees."""
         return [rate for tree in self._trees for rate in tree.free_rates(wrenches)]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Forces on the speeds of all trees."""
+        """Return the generalised forces on the speeds of all trees."""
         return [force for tree in self._trees for force in tree.projected(wrenches)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """By the factorised mass matrix of each tree."""
-        return [rate for tree, part in self._shared_out(forces) for rate in tree.solved(part)]
+        """Solve with the factorised mass matrix of each tree."""
+        return [rate for tree, part in self._per_tree(forces) for rate in tree.solved(part)]
 
     def bias(self, row: Row) -> Scalar:
-        """The sum over all trees."""
+        """Return the sum over all trees."""
         total: Scalar = 0.0
         for tree in self._trees:
             total = add(total, tree.bias(row))
         return total
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Accelerations of the bodies of all trees."""
-        parts = [tree.accelerations(part) for tree, part in self._shared_out(rates)]
+        """Return the accelerations of the bodies of all trees."""
+        parts = [tree.accelerations(part) for tree, part in self._per_tree(rates)]
         return {name: body for part in parts for name, body in part.items()}
 
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        """Rates of the variables of all trees."""
-        parts = [tree.variable_rates(part) for tree, part in self._shared_out(rates)]
+        """Return the rates of the variables of all trees."""
+        parts = [tree.variable_rates(part) for tree, part in self._per_tree(rates)]
         return {name: body for part in parts for name, body in part.items()}
 
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        """The variables of all trees after a small motion along their speeds."""
-        parts = [tree.after_displacement(part) for tree, part in self._shared_out(changes)]
+        """Return the variables of all trees after a small displacement along their speeds."""
+        parts = [tree.after_displacement(part) for tree, part in self._per_tree(changes)]
         return {name: body for part in parts for name, body in part.items()}
 
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        """The variables of all trees after changes of their speeds."""
-        parts = [tree.after_speed_change(part) for tree, part in self._shared_out(changes)]
+        """Return the variables of all trees after changes of their speeds."""
+        parts = [tree.after_speed_change(part) for tree, part in self._per_tree(changes)]
         return {name: body for part in parts for name, body in part.items()}

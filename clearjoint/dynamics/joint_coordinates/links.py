@@ -1,9 +1,9 @@
-"""The bodies of a tree in one frame: where they are, and how they may move.
+"""Kinematics of the bodies of a tree in a common frame.
 
-All vectors of a tree are in the axes of its root body and from a point that the root carries along:
-the joint on the ground, or, of a free body, its centre of mass. So the root's inertia is constant,
-constant vectors keep their structural zeros, and the mass matrix holds total mass times identity
-where the root's velocity is an unknown.
+All vectors of a tree have the axes of its root body. Its origin is a point of the root: the joint
+on the ground or, for a free root, the centre of mass. So the root's inertia is constant, constant
+vectors keep their structural zeros, and the mass matrix contains total mass times identity if the
+root's velocity is an unknown.
 """
 
 from dataclasses import dataclass
@@ -21,25 +21,28 @@ from ...math.vectors import (
     multiply,
     subtract,
 )
-from ...model.joints.motion_subspaces import AbstractFreedom, JointState, Twist
+from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Twist
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
     """A body of a tree at one instant.
 
-    - `rotation` turns body components into the tree's; `place`: the centre of mass.
-    - `spin`; `turn_bias`, `bias`: accelerations of body and centre of mass at constant speeds, and
-      `spread`, the matrix by which the latter grows with the distance.
-    - `columns`: for each speed of its own, spin, and velocity of its point at the origin.
+    - `rotation`: maps body components to the tree's axes; `centre`: position of the centre of mass.
+    - `spin`: angular velocity.
+    - `angular_bias`, `bias`: angular acceleration, and acceleration of the centre of mass, at
+      constant speeds; `gradient`: the matrix that maps a distance from a point of the body to the
+      difference in the latter.
+    - `columns`: for each speed of the link's joint, the spin, and the velocity of the link's point
+      at the origin.
     """
 
     rotation: Matrix
-    place: Vector
+    centre: Vector
     spin: Vector
-    turn_bias: Vector
+    angular_bias: Vector
     bias: Vector
-    spread: Matrix
+    gradient: Matrix
     columns: tuple[Twist, ...]
 
 
@@ -47,20 +50,22 @@ GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
 
 
 def free_link(spin: Vector) -> Link:
-    """A free body: three velocities of its centre of mass, and its spin."""
+    """Return the link of a free body: its speeds are velocity of the centre of mass and spin."""
     axes = UNIT_X, UNIT_Y, UNIT_Z
     columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
-    return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _spread(spin, ZERO), tuple(columns))
+    return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _gradient(spin, ZERO), tuple(columns))
 
 
-def jointed_link(parent: Link | None, freedom: AbstractFreedom, state: JointState) -> Link:
-    """A body carried by a joint: on its parent, or as the root of a tree on the ground."""
+def jointed_link(
+    parent: Link | None, motion_subspace: AbstractMotionSubspace, state: JointState
+) -> Link:
+    """Return the link of a body carried by a joint on its parent; ``None`` is the ground."""
     if parent is None:
-        return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, freedom, state)
-    rotation = parent.rotation @ freedom.rotation(state.position)
-    arm = parent.rotation @ freedom.point_parent
-    bias = parent.bias + parent.spread @ arm
-    return _carried(rotation, parent.place + arm, parent, bias, freedom, state)
+        return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, motion_subspace, state)
+    rotation = parent.rotation @ motion_subspace.rotation(state.position)
+    arm = parent.rotation @ motion_subspace.point_parent
+    bias = parent.bias + parent.gradient @ arm
+    return _carried(rotation, parent.centre + arm, parent, bias, motion_subspace, state)
 
 
 def _carried(
@@ -68,35 +73,45 @@ def _carried(
     point: Vector,
     parent: Link,
     bias: Vector,
-    freedom: AbstractFreedom,
+    motion_subspace: AbstractMotionSubspace,
     state: JointState,
 ) -> Link:
-    """A body whose joint is at `point` of its parent, which has the given bias acceleration."""
-    twist, own = freedom.twist(state), freedom.bias(state)
-    turn, slide = rotation @ twist.turn, rotation @ twist.slide
-    spin = parent.spin + turn
-    turn_bias = parent.turn_bias + parent.spin.cross(turn) + rotation @ own.turn
-    spread = _spread(spin, turn_bias)
-    displacement = freedom.displacement(state.position)
-    arm = rotation @ (displacement - freedom.point_child)
-    sliding = (spin * 2.0).cross(slide) + rotation @ own.slide
+    """Return the link of a body whose joint is at `point` of its parent.
+
+    `bias`: the acceleration of that point at constant speeds.
+    """
+    # Relative motion in the joint, in the tree's axes, and its acceleration at constant speeds.
+    twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
+    angular, linear = rotation @ twist.angular, rotation @ twist.linear
+    spin = parent.spin + angular
+    angular_bias = parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
+    gradient = _gradient(spin, angular_bias)
+    displacement = motion_subspace.displacement(state.position)
+    arm = rotation @ (displacement - motion_subspace.point_child)
+    coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
     columns = tuple(
-        _at_origin(Twist(rotation @ column.turn, rotation @ column.slide), point)
-        for column in freedom.columns(state.position)
+        _at_origin(Twist(rotation @ column.angular, rotation @ column.linear), point)
+        for column in motion_subspace.columns(state.position)
     )
     return Link(
-        rotation, point + arm, spin, turn_bias, bias + sliding + spread @ arm, spread, columns
+        rotation,
+        point + arm,
+        spin,
+        angular_bias,
+        bias + coriolis + gradient @ arm,
+        gradient,
+        columns,
     )
 
 
-def _at_origin(twist: Twist, place: Vector) -> Twist:
-    """The twist at the tree's origin of a body with the given one at a place."""
-    return Twist(twist.turn, twist.slide + place.cross(twist.turn))
+def _at_origin(twist: Twist, point: Vector) -> Twist:
+    """Return the twist at the tree's origin of a body with a given twist at a point."""
+    return Twist(twist.angular, twist.linear + point.cross(twist.angular))
 
 
-def _spread(spin: Vector, turn_bias: Vector) -> Matrix:
-    """The matrix of r -> turn_bias x r + spin x (spin x r)."""
-    w, b = spin, turn_bias
+def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
+    """Return the matrix of r -> angular_bias x r + spin x (spin x r)."""
+    w, b = spin, angular_bias
     xx, yy, zz = (multiply(part, part) for part in w)
     xy, xz, yz = multiply(w.x, w.y), multiply(w.x, w.z), multiply(w.y, w.z)
     return Matrix(

@@ -1,4 +1,4 @@
-"""Inertia of bodies that hang together, seen from the one that carries them."""
+"""Spatial inertia of a composite of bodies, about the origin of its tree."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from ...model.joints.motion_subspaces import Twist
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Angular momentum I w + C v and momentum C^T w + m v for a spin w and a velocity v.
+    """Map from spin w and velocity v to angular momentum I w + C v and momentum C^T w + m v.
 
-    Both about the tree's origin and in its axes; `angular` is I, `coupling` C, `mass` m.
+    About the tree's origin and in its axes. `angular` is I, `coupling` C, `mass` m.
     """
 
     mass: Scalar
@@ -27,23 +27,27 @@ class Inertia:
         )
 
     def momentum(self, twist: Twist) -> Twist:
-        """Angular momentum, and momentum."""
+        """Return angular momentum and momentum for a twist."""
         return Twist(
-            self.angular @ twist.turn + self.coupling @ twist.slide,
-            self.coupling.transposed_times(twist.turn) + twist.slide * self.mass,
+            self.angular @ twist.angular + self.coupling @ twist.linear,
+            self.coupling.transposed_times(twist.angular) + twist.linear * self.mass,
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Less axis . (the momentum `whole`) and its transpose, of which the former took a part."""
+        """Return the inertia without its part along the rotation about `axis`.
+
+        The part is symmetric: the outer product of `axis` with the momentum `whole`, and the
+        transposed product with `rest`, the momentum without what the first product removed.
+        """
         return Inertia(
             self.mass,
-            self.coupling.minus_outer(axis, whole.slide),
-            self.angular.minus_outer(axis, whole.turn).minus_outer(rest.turn, axis),
+            self.coupling.minus_outer(axis, whole.linear),
+            self.angular.minus_outer(axis, whole.angular).minus_outer(rest.angular, axis),
         )
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """The inertia about the centre of mass in the tree's axes."""
+    """Return the inertia about the centre of mass in the tree's axes."""
     rows = (rotation.row_x, rotation.row_y, rotation.row_z)
     images = [
         body.inertia @ row
@@ -54,12 +58,12 @@ def central_inertia(body: Body, rotation: Matrix) -> Matrix:
     return _symmetric(lambda i, j: rows[i].dot(images[j]))
 
 
-def inertia(body: Body, place: Vector, central: Matrix) -> Inertia:
-    """The inertia of a body about the tree's origin."""
-    h, r = place * body.mass, tuple(place)
+def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
+    """Return the inertia of a body about the tree's origin, from that about its centre of mass."""
+    h, r = centre * body.mass, tuple(centre)
     first = tuple(h)
 
-    def shift(i: int, j: int) -> Scalar:
+    def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
         if i != j:
             return subtract(0.0, multiply(first[i], r[j]))
         k, m = (i + 1) % 3, (i + 2) % 3

@@ -1,4 +1,4 @@
-"""The trees that a scene's ideal joints make of its bodies. Found from names, while tracing."""
+"""Spanning trees of a scene's bodies and ideal joints, determined from names while tracing."""
 
 from collections.abc import Iterator
 from typing import TypeAlias
@@ -10,16 +10,15 @@ from ..coordinates import anchors
 from .branches import AbstractBranch, FreeBranch, JointedBranch
 
 Tree: TypeAlias = list[AbstractBranch]
-"""Branches in an order in which each parent comes before its children. Only the first, the root,
-stands on the ground."""
+"""Branches, each parent before its children. Only the first, the root, has the ground as parent."""
 
 
 def forest(scene: Scene) -> list[Tree]:
-    """The trees of a scene, independent of each other but for closed loops.
+    """Return the trees of a scene; only constraints that close loops couple them.
 
-    What joints connect to the ground comes first, near bodies before far ones, so that chains are
-    short. Of those that hang together without being carried, one moves freely: one with an anchor
-    if there is any, since it keeps its digits so.
+    Bodies that ideal joints connect to the ground come first, breadth first, so that chains are
+    short. Of connected bodies without such a joint, one becomes a free root: one with an anchor if
+    there is any, since an anchor preserves the digits of its position.
     """
     placed = {GROUND}
     trees = [
@@ -35,7 +34,7 @@ def forest(scene: Scene) -> list[Tree]:
 
 
 def _descendants(scene: Scene, start: str, placed: set[str]) -> Tree:
-    """What hangs on a placed body, the nearest first."""
+    """Return the branches below a body, breadth first; adds their bodies to `placed`."""
     descendants: Tree = []
     waiting = [start]
     while waiting:
@@ -46,7 +45,7 @@ def _descendants(scene: Scene, start: str, placed: set[str]) -> Tree:
 
 
 def _children(scene: Scene, parent: str, placed: set[str]) -> Tree:
-    """The bodies that joints carry on a placed body; adds them to the placed ones."""
+    """Return the branches directly on a body; adds their bodies to `placed`."""
     children: Tree = []
     for branch in _carried(scene, parent):
         if branch.body not in placed:
@@ -56,12 +55,12 @@ def _children(scene: Scene, parent: str, placed: set[str]) -> Tree:
 
 
 def _carried(scene: Scene, parent: str) -> Iterator[JointedBranch]:
-    """A branch for each joint that can carry another body on the parent."""
+    """Yield a branch for each joint that can carry another body on the parent."""
     for name, joint in scene.joints.items():
         if isinstance(joint, AbstractConstraint):
             bodies = joint.body_names()
             if len(bodies) == 2 and parent in bodies:
                 body = bodies[1] if parent == bodies[0] else bodies[0]
-                freedom = joint.freedom(parent)
-                if freedom is not None:
-                    yield JointedBranch(body, parent, name, freedom)
+                motion_subspace = joint.motion_subspace(parent)
+                if motion_subspace is not None:
+                    yield JointedBranch(body, parent, name, motion_subspace)

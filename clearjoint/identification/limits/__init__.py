@@ -1,1 +1,1 @@
-"""The largest value of a parameter with which quantities stay within their limits."""
+"""Largest value of a parameter for which quantities stay within their limits."""

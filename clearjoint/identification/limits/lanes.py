@@ -1,4 +1,4 @@
-"""Margins of many values of a parameter, and of draws beside each, by sweeps."""
+"""Margins to the limits for many values of a parameter, with random draws, by sweeps."""
 
 import math
 from collections.abc import Mapping
@@ -12,68 +12,71 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
 from ...quantities.base import Quantity
-from ...results import RESULTS, result_number
-from ...simulation.batch.reductions import AbstractReduction, Peak
-from ...simulation.settings import Settings
+from ...result_codes import RESULTS, result_number
+from ...simulation.reductions.reductions import AbstractReduction, Peak
+from ...simulation.step.settings import Settings
 from ...sweeps.axes import Axis
 from ...sweeps.sweep import sweep
 
 VALUE = "largest_value"
 NEIGHBOURS = 2
-"""Intervals on either side whose changes of the margin an interval's own may be as large as."""
+"""Number of neighbouring intervals on each side that bound the change of the margin inside an
+interval."""
 CONFIDENCE = 0.95
-"""Of the quantiles' intervals."""
+"""Confidence level of the quantiles' intervals."""
 
 
 @dataclass(frozen=True)
 class LaneMargins:
-    """Margins at places (n,), the parameter's coordinates, rising.
+    """Margins log(limit / peak) at rising coordinates (n,) of the parameter.
 
-    - `margins`: (n,) the smallest over the outputs, of the quantile over the draws.
-    - `low`, `high`: (n,) ends of their confidence intervals; the margins themselves without draws.
-    - `peak`: a text on the output with the smallest margin at the first place.
+    - `margins`: (n,) the smallest margin of all outputs, for the quantile of the draws.
+    - `low`, `high`: (n,) ends of confidence intervals; equal to the margins without draws.
+    - `peak`: a text on the output with the smallest margin at the first coordinate.
     """
 
-    places: Float[np.ndarray, " n"]
+    coordinates: Float[np.ndarray, " n"]
     margins: Float[np.ndarray, " n"]
     low: Float[np.ndarray, " n"]
     high: Float[np.ndarray, " n"]
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """These and others, in order; of equal places the first."""
-        places = np.concatenate([self.places, others.places])
-        places, kept = np.unique(places, return_index=True)
-        pairs = zip(self._rows, others._rows, strict=True)
-        margins, low, high = (np.concatenate(pair)[kept] for pair in pairs)
-        return LaneMargins(places, margins, low, high, self.peak)
-
-    @property
-    def _rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return self.margins, self.low, self.high
+        """Return these margins and others in order; the first of equal coordinates is kept."""
+        coordinates = np.concatenate([self.coordinates, others.coordinates])
+        coordinates, kept = np.unique(coordinates, return_index=True)
+        margins, low, high = (
+            np.concatenate([getattr(self, name), getattr(others, name)])[kept]
+            for name in ("margins", "low", "high")
+        )
+        return LaneMargins(coordinates, margins, low, high, self.peak)
 
     def gap(self) -> tuple[int, int] | None:
-        """Which lane is the first that does not hold, and the one before it; or ``None``."""
-        fails = np.flatnonzero(~(self.margins >= 0.0))
-        return (int(fails[0]) - 1, int(fails[0])) if len(fails) else None
+        """Return the indices of the last value before the first violation, and of the violation.
+
+        ``None`` if all values satisfy the limits.
+        """
+        violations = np.flatnonzero(~(self.margins >= 0.0))
+        return (int(violations[0]) - 1, int(violations[0])) if len(violations) else None
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
-        """Of each interval (n - 1,) below the first lane that does not hold, that one's included,
-        whether the smaller of the margins at its ends is below the largest change of the margin
-        over it or over one of its `NEIGHBOURS`: a violation may lie inside."""
+        """Return whether each interval (n - 1,) up to the first violation may contain another one.
+
+        It may if the smaller margin at its ends is below the largest change of the margin over the
+        interval and its `NEIGHBOURS`.
+        """
         gap = self.gap()
-        count = len(self.places) - 1 if gap is None else gap[1]
+        count = len(self.coordinates) - 1 if gap is None else gap[1]
         ends = self.margins[: count + 1]
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         around = np.pad(changes, NEIGHBOURS)
-        largest = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
-        found = np.zeros(len(self.places) - 1, bool)
-        found[:count] = np.minimum(ends[:-1], ends[1:]) < largest
-        return found
+        largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        doubtful = np.zeros(len(self.coordinates) - 1, bool)
+        doubtful[:count] = np.minimum(ends[:-1], ends[1:]) < largest_change
+        return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Whether no margin is above one at a smaller place, by more than a tolerance and what the
-        draws leave open."""
+        """Return whether the margins fall, up to a tolerance and the uncertainty of the draws."""
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
         return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
@@ -81,7 +84,7 @@ class LaneMargins:
 
 @dataclass(frozen=True)
 class LaneProblem:
-    """What is run in lanes: see `largest`."""
+    """Arguments of the sweeps: see `largest_feasible`."""
 
     scene: Scene
     state: State
@@ -95,14 +98,14 @@ class LaneProblem:
     start_time: float
     progress: bool
 
-    def margins(self, places: Float[np.ndarray, " n"]) -> LaneMargins:
-        """The margins at rising places (n,), by one sweep."""
-        values = np.array([float(self.parameter.scale.value(place)) for place in places])
+    def margins(self, coordinates: Float[np.ndarray, " n"]) -> LaneMargins:
+        """Compute the margins at rising coordinates (n,) by one sweep."""
+        values = np.array([float(self.parameter.scale.value(u)) for u in coordinates])
         count = len(next(iter(self.draws.values())).values) if self.draws else 1
         axes = {VALUE: Axis(self.parameter.variation, np.repeat(values, count))}
         for name, axis in self.draws.items():
             axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
-        found = sweep(
+        results = sweep(
             self.scene,
             self.state,
             self.end_time,
@@ -113,35 +116,36 @@ class LaneProblem:
             start_time=self.start_time,
             progress=self.progress,
         )
-        fine = found["result"].values == result_number(RESULTS.successful)
+        successful = results["result"].values == result_number(RESULTS.successful)
         rows = {}
         for name, limit in self.limits.items():
-            peaks = np.where(fine, found[name].values, np.inf).reshape(len(values), count)
+            # A failed run counts as a violation.
+            peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
             rows[name] = limit_margins(peaks, limit, self.quantile)
         margins, low, high = np.min(np.array([*rows.values()]), axis=0)
         peak = self._peak({name: float(row[0][0]) for name, row in rows.items()})
-        return LaneMargins(places, margins, low, high, peak)
+        return LaneMargins(coordinates, margins, low, high, peak)
 
     def _peak(self, margins: Mapping[str, float]) -> str:
-        """A text on the output with the smallest of the margins."""
+        """Return a text on the output with the smallest of the margins."""
         name = min(margins, key=lambda name: margins[name])
         if not np.isfinite(margins[name]):
-            return "the run fails there"
+            return "the run with this value fails"
         unit, limit = self.outputs[name].units().get("", "1"), self.limits[name]
         return (
-            f"`{name}` reaches {limit * math.exp(-margins[name]):.6g} {unit} there, and its limit "
-            f"is {limit:.6g} {unit}"
+            f"`{name}` reaches {limit * math.exp(-margins[name]):.6g} {unit} with this value, and "
+            f"its limit is {limit:.6g} {unit}"
         )
 
 
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Margins (n,) of a quantile of the peaks over the draws, and both ends of their intervals.
+    """Return margins (n,) of a quantile of the peaks over the draws, and ends of their intervals.
 
-    The quantile is a peak that occurred: the smallest that so large a part of the draws does not
-    exceed. Its interval is of two more, of the orders between which it is with 95 % probability
-    whatever the distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
+    The quantile is an order statistic of the draws: the smallest peak that the given share of the
+    draws does not exceed. Its 95 % confidence interval is between two other order statistics and
+    holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
     """
     from scipy.stats import binom
 
@@ -155,13 +159,13 @@ def limit_margins(
     columns = [ordered[:, k - 1] if k <= count else ordered[:, -1] for k in (middle, above, below)]
     with np.errstate(divide="ignore"):
         margin, low, high = (np.log(limit) - np.log(np.maximum(column, 0.0)) for column in columns)
-    if above > count:
+    if above > count:  # Too few draws to bound the quantile from above.
         low = np.full(len(peaks), -np.inf)
     return margin, low, high
 
 
 def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
-    """What a sweep keeps of a quantity: its peak, after a time in s."""
+    """Return a reduction unchanged; for a quantity, its peak after a time in s."""
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"

@@ -1,1 +1,1 @@
-"""Starts for fits, screened by many runs without derivatives."""
+"""Screening: starts for fits by many runs without derivatives."""

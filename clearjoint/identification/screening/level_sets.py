@@ -1,7 +1,7 @@
-"""Points that data do not tell from the best one, and new points among them.
+"""Level sets of chi squared: points that fit about as well as the best, and new points in the set.
 
-A chi squared that is cumulated over the record sets a level for every part of it. As the part
-grows, the set of the points within a given excess of the best shrinks.
+Curves of chi squared are cumulative over the record. As more of the record is used, the set of
+points whose chi squared exceeds the smallest by less than a given excess shrinks.
 """
 
 import numpy as np
@@ -9,41 +9,46 @@ from jaxtyping import Float, Int
 
 HALVINGS = 40
 SPLIT = 1e-12
-"""Smallest variance, over those of the coordinates, that counts as any."""
+"""Smallest variance, relative to those of the coordinates, that is not treated as zero."""
 
 
-def reach(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Number of times, with a part of the last, up to which at least `keep` of the points have a
-    chi squared at most `excess` above the best, from its curves (n, T + 1) at 0 to T times."""
+def reached(curves: np.ndarray, keep: int, excess: float) -> float:
+    """Return the fractional number of times up to which `keep` points are in the level set.
+
+    The level set has all points with a chi squared at most `excess` above the smallest. `curves`
+    (n, T + 1) have chi squared of n points for the first 0 to T times.
+    """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
-    whole, low, high = int(beyond[0]) - 1, 0.0, 1.0
+    last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _gap(level(curves, whole + middle), keep) > excess:
+        if _gap(level(curves, last_full + middle), keep) > excess:
             high = middle
         else:
             low = middle
-    return whole + low
+    return last_full + low
 
 
 def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Chi squared (n,) at a number of times, linear within one."""
-    whole = min(int(count), curves.shape[1] - 2)
-    part = count - whole
-    return (1.0 - part) * curves[:, whole] + part * curves[:, whole + 1]
+    """Return chi squared (n,) at a fractional number of times, by linear interpolation."""
+    last_full = min(int(count), curves.shape[1] - 2)
+    part = count - last_full
+    return (1.0 - part) * curves[:, last_full] + part * curves[:, last_full + 1]
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
-    """The `keep`-th smallest along the first axis, less the smallest."""
+    """Return the `keep`-th smallest value along the first axis minus the smallest."""
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
 def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
-    """Indices of the first of the points (n, p) and of others, each as far as possible from those
-    before, in standard deviations of all."""
+    """Return indices of points (n, p) that are far apart, beginning with the first point.
+
+    Each next point has the largest distance from those before, in standard deviations of all.
+    """
     distances = _distances(points)
     chosen = [0]
     while len(chosen) < min(number, len(points)):
@@ -58,10 +63,11 @@ def among(
     bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "new p"]:
-    """New points (number, p): each drawn from a normal distribution round one of the points (n, p),
-    with the covariance of its neighbours, and reflected at the bounds (p,).
+    """Draw new points (number, p) in the set of the points (n, p).
 
-    So they follow a set that is curved, or in pieces.
+    Each is drawn from a normal distribution around one of the points, with the covariance of its
+    neighbours, so that new points follow a curved or disconnected set. They are reflected at the
+    bounds (p,).
     """
     neighbours = min(neighbours, len(points))
     near = np.argsort(_distances(points), axis=1)[:, :neighbours]
@@ -76,7 +82,7 @@ def among(
 
 
 def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Distances (n, n) of points (n, p), in standard deviations."""
+    """Return the distances (n, n) of points (n, p), in standard deviations."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

@@ -1,7 +1,7 @@
-"""Runs at many parameters without derivatives, side by side: chi squared over the record.
+"""Curves of chi squared over the record, for many parameters, by runs without derivatives.
 
-Such a run costs a small part of one with derivatives, since lanes run side by side
-(`clearjoint.simulation.batch.scheduler`). Of each only the chi squared over time is kept.
+These runs are lanes (`clearjoint.simulation.lanes.scheduler`) and cost a small fraction of runs
+with derivatives. Only the curve of chi squared is kept of each run.
 """
 
 from dataclasses import dataclass
@@ -14,56 +14,56 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from ...compilation import Compiled
-from ...math.vectors import structured
+from ...math.vectors import fold_constants
 from ...model.bodies import State
-from ...simulation.batch.lane import Plan
-from ...simulation.batch.scheduler import Batch, Ended
-from ...simulation.batch.tasks import Common, Task
+from ...simulation.lanes.lane import Plan
+from ...simulation.lanes.scheduler import Batch, Ended
+from ...simulation.lanes.tasks import Common, Task
 from ..residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"
 TOGETHER = 64
-"""Runs whose samples are compared with the data at once."""
+"""Number of runs whose samples are compared with the data in one call."""
 
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Runs of an experiment and the samples that they are compared with."""
+    """Runs of an experiment as lanes, and the samples to compare them with."""
 
     runs: Experiment
     data: Samples
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
-        """Times of the samples, (T,) s; after the last one it is repeated."""
+        """Times of the samples, (T,) s; the last time is repeated as padding."""
         return np.asarray(self.runs.times)
 
     @property
     def count(self) -> int:
-        """Number of times to the last sample."""
+        """Number of times without padding."""
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """s, at the last of a number of times that has begun; of none, the start."""
-        whole = int(np.ceil(count))
-        return float(self.times[whole - 1]) if whole else float(self.runs.start_time)
+        """Return the last of a fractional number of times, rounded up, s; for 0 the start."""
+        times = int(np.ceil(count))
+        return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Chi squared (n, count + 1) of the first 0, 1, ..., count times at coordinates (n, p).
+        """Return chi squared (n, count + 1) of the first 0 to count times at coordinates (n, p).
 
-        Samples that a run does not reach count `UNREACHED`. With `smoothing`, it is that of the
-        residuals' means over so many times, each of which counts as a part of one, since they share
-        their samples.
+        Samples that a run does not reach have the residual `UNREACHED`. With `smoothing` above 1,
+        residuals are averaged over this number of times.
         """
         curves = np.zeros((len(coordinates), count + 1))
-        instants, where = self._instants(coordinates, count)
+        instants, sample_indices = self._instants(coordinates, count)
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
+            # Always the same number of rows, so that one compiled program serves all calls.
             filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
@@ -71,9 +71,10 @@ class SideBySide:
         def on_ended(ended: Ended) -> None:
             rows, counts = ended.logs[LOG]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
-                predicted = np.full((len(where), len(self.times)), np.nan)
-                for row, name, places in zip(predicted, self.runs.names, where, strict=True):
-                    at = places[lane if len(places) > 1 else 0]
+                predicted = np.full((len(sample_indices), len(self.times)), np.nan)
+                parts = zip(predicted, self.runs.names, sample_indices, strict=True)
+                for row, name, indices in parts:
+                    at = indices[lane if len(indices) > 1 else 0]
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
                 waiting[lane] = predicted
                 if len(waiting) == TOGETHER:
@@ -97,28 +98,31 @@ class SideBySide:
         )
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Times (n, K) at which the runs are recorded, s, infinite behind the last; and for each
-        series where the times of its samples are among these, (n, count), or (1, count) for all."""
-        runs, lanes, own = self.runs, len(coordinates), self.times[:count]
+        """Return the times at which the runs are recorded, and the indices of the samples.
+
+        **Returns:** times (n, K), s, infinite after the last; and for each series the indices of
+        its samples in these times, (n, count), or (1, count) if they are the same for all runs.
+        """
+        runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.delays:
             times = self.times.copy()
-            times[count:] = np.inf  # never come to, so that nothing is recorded for padding
+            times[count:] = np.inf  # Never reached: nothing is recorded for padding.
             return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
         shift = dict.fromkeys(runs.names, np.zeros(lanes))
         for number, names in runs.delays:
             shift |= dict.fromkeys(names, np.asarray(runs.delay(number, jnp.asarray(coordinates))))
         start = float(runs.start_time)
-        queries = {n: np.maximum(own - d[:, None], start) for n, d in shift.items()}
-        several = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
-        every = np.concatenate([np.tile(own, (lanes, 1)), several], axis=1)
+        queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
+        delayed = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
+        every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
         instants = np.full((lanes, len(self.times) * (1 + len(runs.delays))), np.inf)
-        where = [np.zeros((lanes, count), int) for _ in runs.names]
+        sample_indices = [np.zeros((lanes, count), int) for _ in runs.names]
         for lane, row in enumerate(every):
             rising = np.unique(row)
             instants[lane, : len(rising)] = rising
-            for places, name in zip(where, runs.names, strict=True):
-                places[lane] = np.searchsorted(rising, queries[name][lane])
-        return instants, where
+            for indices, name in zip(sample_indices, runs.names, strict=True):
+                indices[lane] = np.searchsorted(rising, queries[name][lane])
+        return instants, sample_indices
 
     @cached_property
     def _varied(self) -> PyTree[bool]:
@@ -128,22 +132,22 @@ class SideBySide:
     def _common(self) -> Common:
         runs = self.runs
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
-        form = structured(runs.family.base[0], self._varied)
-        return Common(plan, form, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+        folded_scene = fold_constants(runs.family.base[0], self._varied)
+        return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)
 
 
 @Compiled
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """What varies of the scenes, and the initial states, with lanes in front."""
+    """Return the varied leaves of the scenes, and the initial states, (n, ...) each."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Chi squared (n, T) up to each time of predictions (n, S, T), by residuals or their means."""
+    """Return chi squared (n, T) up to each time, for predictions (n, S, T)."""
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)

@@ -1,61 +1,67 @@
-"""Starts found by runs without derivatives, over a record that grows.
+"""Search for starts by runs without derivatives, over a growing part of the record.
 
-Impacts that predicted and measured peaks do not share leave chi squared without a slope towards
-each other, and later ones give it many minima. So the whole neighbourhood of a guess is looked at,
-but only as far as the data of an early part of the record tell its points apart; then anew among
-those that are left, over as much more of the record as those allow, and so on to its end.
+If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
+the solution, and later impacts add many minima. Therefore the whole neighbourhood of a guess is
+screened. The first round uses an early part of the record, as long as many points still fit it
+about equally well. The next round draws points among these and uses more of the record, and so on
+to its end.
 
-It shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general Bayesian
-computation*, 2006), of a misfit that grows with the record.
+The method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general
+Bayesian computation*, 2006), for a misfit that grows with the record.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from ...fields.checks import require, require_count
-from ...simulation.progress_bars import ProgressBar, telling_of_compiling
+from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from .. import goodness_of_fit as statistics
+from ..residuals import Experiment, Samples
+from ..searches import Search, best_search
 from ..starts import half_widths
-from .level_sets import among, apart, level, reach
+from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
 """Probability of the excess of chi squared up to which points are kept."""
+LOOSER = 1000.0
+"""Tolerance of the integration in screening runs, relative to that of the fit."""
 FEW = 4
-"""Points that a round's runs must still tell from the best: they go no farther."""
+"""A round's runs end at the part of the record that leaves this number of points."""
 FIRST = 4
-"""Times as many points in the first round."""
+"""Number of points in the first round relative to the other rounds."""
 NEIGHBOURS = 2
-"""Neighbours of a point, over p + 1, whose covariance says where to draw others."""
+"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw points."""
 EIGHTH = 8
-"""The first round runs to this part of the record, and farther if nothing is told apart there."""
+"""The first round begins with this fraction of the record, 1/8."""
 
 
 @dataclass(frozen=True)
 class Screening:
-    """Starts that are left after screening a box around the guess.
+    """Starts found by screening a box around the guess.
 
-    Every round runs a number of points, without derivatives and side by side, and keeps those that
-    the data do not tell from the best, up to where just so many are left. The next round draws
-    its points among them. It ends with the record.
+    Every round runs a number of points without derivatives. It uses the part of the record at whose
+    end `keep` points still fit about as well as the best, and keeps these. The next round draws
+    points among them. Screening ends at the end of the record.
 
     **Arguments:**
 
-    - `number`: of new points in a round; in the first, which fills the box evenly, four times as
-      many. More for more than three or four parameters.
-    - `spread`: half the width of the box, in the coordinates of the scales (of a `Log` scale: 1 is
-      a factor of e both ways): one number, or one by parameter.
-    - `keep`: points that are kept in a round.
-    - `finish`: starts of searches among those kept last: the best, and others far from it.
-    - `smoothing`: number of times over which residuals are averaged, so that predicted and
-      measured peaks that just miss each other are told from those that are far apart.
-    - `rounds`: at most.
-    - `passes`: at most. Another one, with other random numbers, follows while the best search ends
-      at a chi squared that noise does not explain.
-    - `seed`: of the generator.
+    - `number`: number of new points in a round. The first round, which fills the box evenly, has
+      four times as many. Use more for more than three or four parameters.
+    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
+      a factor of e in both directions): one number, or one for each parameter.
+    - `keep`: number of points that are kept in a round.
+    - `finish`: number of starts among the points kept last: the best, and others far from it.
+    - `smoothing`: number of times over which residuals are averaged, so that the misfit of
+      predicted and measured peaks depends on the distance between them.
+    - `rounds`: maximum number of rounds.
+    - `passes`: maximum number of passes. Another pass, with other random numbers, follows while
+      noise doesn't explain the chi squared of the best search.
+    - `seed`: seed of the random numbers.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -75,7 +81,7 @@ class Screening:
             require_count(name, getattr(self, name), "leave it at its default")
         sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
-        remedy = "pass how far the guess may be off, and leave out what is not in doubt"
+        remedy = "pass the possible error of the guess, and leave out well-known parameters"
         require(wide, "spread", self.spread, "finite and positive", remedy)
         fits = self.finish <= self.keep and FEW < self.keep <= FIRST * self.number
         expected = f"above {FEW}, at least finish = {self.finish}, at most {FIRST} times number"
@@ -84,13 +90,13 @@ class Screening:
 
 @dataclass(frozen=True)
 class Screened:
-    """What a screening left.
+    """Result of a screening.
 
     - `points`: (keep, p) coordinates, the best first; `chi_squared`: (keep,) of the averaged
       residuals, up to the time of the last round.
-    - `starts`: (finish, p) those of them from which to search.
-    - `times`: s, up to which each round could keep its points; `runs`: of all rounds.
-    - `complete`: whether they came to the end of the record.
+    - `starts`: (finish, p) the points from which to search.
+    - `times`: s, end of the part of the record that each round used; `runs`: number of runs.
+    - `complete`: whether the last round reached the end of the record.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -121,7 +127,7 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around a guess (p,); `number` is that of the pass."""
+    """Screen the box around a guess (p,) in the pass with a given number."""
     from scipy.special import chdtri
     from scipy.stats import qmc
 
@@ -130,27 +136,63 @@ def screen(
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
-    ahead = max(lanes.count // EIGHTH, 1)
+    ahead = max(lanes.count // EIGHTH, 1)  # Number of times of the runs in this round.
     times, runs = [], 0
     bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
     with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
-            count = reach(curves, screening.keep, excess)
+            count = reached(curves, screening.keep, excess)
             misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
             times.append(lanes.time(count))
             bar.set_postfix_str(f"to {times[-1]:.4g} s")
             bar.update(len(points))
-            left, complete = points[best], count >= lanes.count
+            kept, complete = points[best], count >= lanes.count
             if complete or len(times) == screening.rounds:
-                starts = left[apart(left, screening.finish)]
-                return Screened(left, misfits[best], starts, tuple(times), runs, complete)
+                starts = kept[apart(kept, screening.finish)]
+                return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
+            # If all points fit the runs to their end, the same points run farther.
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            ahead = min(lanes.count, int(reach(curves, FEW, excess)) + 2)
+            # Few of the new points will fit farther than the best present points.
+            ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
             bounds = centre - spread, centre + spread
-            new = among(left, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
-            points = np.concatenate([left, new])
+            new = among(kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
+            points = np.concatenate([kept, new])
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Passes of a screening around a guess `centre` (p,), by coarse runs of an experiment.
+
+    `progress`: whether to show a line.
+    """
+
+    screening: Screening
+    runs: Experiment
+    centre: np.ndarray
+    names: tuple[str, ...]
+    progress: bool
+
+    def search(
+        self, data: Samples, search_from: Callable[[np.ndarray], Search]
+    ) -> tuple[Screened, ...]:
+        """Screen and search from the starts, until noise explains the smallest chi squared.
+
+        **Returns:** the results of the passes.
+        """
+        lanes, degrees_of_freedom = SideBySide(self.runs, data), data.count - len(self.names)
+        searches: list[Search] = []
+        screened: list[Screened] = []
+        for number in range(self.screening.passes):
+            screened.append(
+                screen(self.screening, lanes, self.centre, self.names, number, self.progress)
+            )
+            searches += map(search_from, screened[-1].starts)
+            chi_squared = best_search(searches).best.chi_squared
+            if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
+                break
+        return tuple(screened)

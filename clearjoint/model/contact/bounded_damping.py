@@ -1,5 +1,4 @@
-"""Laws whose damping is bounded by the elastic force or grows from zero: those of other programs,
-and one that is softer on the way out."""
+"""Contact laws with bounded damping, as used in multibody programs."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,15 +8,14 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import AbstractPowerLaw
 from .stiffness import AbstractElasticity, as_stiffness
 
 
-class AbstractBoundedDampingLaw(AbstractElasticLaw):
-    """An elastic force K delta^n with damping of its own, without memory or jumps."""
+class AbstractBoundedDampingLaw(AbstractPowerLaw):
+    """A law with the elastic force K delta^n and its own damping, without entry speed or jumps."""
 
-    exponent: eqx.AbstractVar[float]
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def __check_init__(self):
@@ -25,29 +23,25 @@ class AbstractBoundedDampingLaw(AbstractElasticLaw):
             (exponent,) = known
             require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
 
-    def slope_jumps(self) -> bool:
-        """Unless the elastic force, which bounds the damping, begins as a power above one."""
-        return not self.stiffness.begins_flat(self.exponent)
-
-    def elastic_force(self, gap: Gap) -> Scalar:
-        """K delta^n, N."""
-        return self.stiffness.force(gap, self.exponent)
-
-    def stored_energy(self, gap: Gap) -> Scalar:
-        """K delta^(n+1)/(n+1), J."""
-        return self.stiffness.energy(gap, self.exponent)
-
 
 class ElastoGap(AbstractBoundedDampingLaw):
-    r"""F = K delta^n + D rate with the damping force no larger than the elastic one (Modelica's
-    Translational.Components.ElastoGap): it neither jumps nor pulls. `damping` D in N s/m.
+    r"""F = K delta^n + D rate, with the damping force limited to the elastic force.
 
     $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
-    >>> law = cj.ElastoGap(stiffness=1e6, damping=5e3)
-    >>> print(law.force(cj.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
+    The force neither jumps nor becomes negative. Source: Modelica's
+    Translational.Components.ElastoGap.
+
+    **Arguments:**
+
+    - `stiffness`: K, N/m^n or an elasticity.
+    - `damping`: D, N s/m.
+    - `exponent`: n.
+
+    >>> law = cj.laws.ElastoGap(stiffness=1e6, damping=5e3)
+    >>> print(law.force(extend.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
     1500.0
-    >>> print(law.force(cj.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
+    >>> print(law.force(extend.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
     2000.0
     """
 
@@ -56,7 +50,7 @@ class ElastoGap(AbstractBoundedDampingLaw):
     exponent: float = eqx.field(default=1.0, static=True)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N."""
+        """Return the normal force, N."""
         del entry_speed
         elastic = self.elastic_force(gap)
         return elastic + jnp.clip(self.damping * gap.rate, -elastic, elastic)
@@ -67,11 +61,15 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
     $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
-    D rises from zero to `damping` (N s/m) over the `full_damping_depth` d (m), as the cubic
-    s^2 (3 - 2 s) of s = delta/d.
+    **Arguments:**
 
-    >>> law = cj.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    - `stiffness`: K, N/m^n or an elasticity.
+    - `damping`: D at full depth, N s/m.
+    - `full_damping_depth`: d, m; over this depth the damping rises from zero with a cubic.
+    - `exponent`: n.
+
+    >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 
@@ -81,26 +79,33 @@ class ImpactFunction(AbstractBoundedDampingLaw):
     exponent: float = eqx.field(default=1.5, static=True)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N."""
+        """Return the normal force, N."""
         del entry_speed
-        part = jnp.clip(gap.depth / self.full_damping_depth, 0.0, 1.0)
-        damping = self.damping * part**2 * (3.0 - 2.0 * part)
+        ratio = jnp.clip(gap.depth / self.full_damping_depth, 0.0, 1.0)
+        damping = self.damping * ratio**2 * (3.0 - 2.0 * ratio)
         return jnp.maximum(self.elastic_force(gap) + damping * gap.rate, 0.0)
 
 
 class FloresKelvinVoigt(AbstractBoundedDampingLaw):
-    r"""F = K delta^n on the way in and c K delta^n on the way out, Flores' variant of Kelvin-Voigt.
+    r"""F = K delta^n in compression, c K delta^n in restitution: Flores' Kelvin-Voigt variant.
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    It delivers sqrt(c). Where the rate turns, the force goes from one to the other as a hyperbolic
-    tangent of the rate over the `transition_speed` (m/s), since no step lands there; impacts that
-    are hardly faster lose less.
+    The delivered restitution is sqrt(c). Where the rate changes its sign, the two forces are
+    blended with a hyperbolic tangent, because integration steps don't end there. Impacts that are
+    not much faster than the transition speed lose less.
 
-    >>> law = cj.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
-    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, on the way in
+    **Arguments:**
+
+    - `restitution`: c.
+    - `stiffness`: K, N/m^n or an elasticity.
+    - `transition_speed`: m/s, scale of the hyperbolic tangent.
+    - `exponent`: n.
+
+    >>> law = cj.laws.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
+    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, compression
     1000.0
-    >>> print(f"{law.force(cj.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # on the way out
+    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # restitution
     810.0
     """
 
@@ -110,20 +115,20 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
     exponent: float = eqx.field(default=1.0, static=True)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N."""
+        """Return the normal force, N."""
         del entry_speed
         loading = 0.5 * (1.0 + jnp.tanh(gap.rate / self.transition_speed))
         full = self.stiffness.force(gap, self.exponent)
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """The mean of both, N: what one is above it, the other is below."""
+        """Return the mean of both forces, N: the difference from it is dissipative."""
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Its integral, J."""
+        """Return the integral of the elastic force, J."""
         return 0.5 * (1.0 + self.restitution) * super().stored_energy(gap)
 
     def delivered_restitution(self) -> Scalar:
-        """sqrt(c), for impacts much faster than the transition speed."""
+        """Return sqrt(c), valid for impacts much faster than the transition speed."""
         return jnp.sqrt(self.restitution)

@@ -1,8 +1,9 @@
-"""Line contact of a journal along its bearing: the elastic force by length, radii and materials.
+"""Line contact of a journal along its bearing: elastic force from length, radii and materials.
 
-Each stands in the place of a stiffness in a law of the Hunt-Crossley family, so that it gets the
-damping of any of them, and what they deliver stays: that depends on no elastic force. Here are what
-all share and the forces that are explicit; the logarithmic laws are in `logarithmic_cylinders`.
+These elasticities replace the stiffness in a law of the Hunt-Crossley family, with the damping of
+any of its laws. The delivered restitution stays the same, because it doesn't depend on the elastic
+force. This module has the base class and the explicit formulas; the logarithmic formulas are in
+`logarithmic_cylinders`.
 """
 
 import abc
@@ -17,33 +18,33 @@ from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
 from .limits import Limit
-from .materials import AbstractMaterialPair
-from .stiffness import AbstractElasticity
+from .stiffness import AbstractElasticity, AbstractMaterialPair
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-_PLACES, _PARTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
-"""Of Gauss' quadrature over [0, 1]."""
+_GAUSS = np.polynomial.legendre.leggauss(24)
+_NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
+"""Gauss quadrature over [0, 1]."""
 _STRAIGHT_FROM = 0.99
-"""Of the deepest penetration, where some formulas have an infinite stiffness."""
+"""Fraction of the largest penetration, where some formulas have an infinite stiffness, from which
+the force is extrapolated linearly."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
-    """A journal that touches its bearing along a line of a length, m.
+    """Contact of a journal with its bearing along a line.
 
-    **Arguments:** as those of `RavnStiffness`, and the `length` of the line. Each base of a
-    `ClearanceJoint` carries the whole law: give it half of the journal's length.
+    **Arguments:** as for `RavnStiffness`, and `length`: m, of the line. Each base of a
+    `ClearanceJoint` applies the full law: use half the journal's length.
 
-    A subclass gives `line_force`; what it does not say of the energy is integrated.
+    A subclass defines `line_force`; the energy is integrated numerically by default.
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Foundation(cj.AbstractCylinder):
+    class Foundation(cj.extend.AbstractCylinder):
         def line_force(self, gap, depth):
             return depth * jnp.sqrt(depth / gap.clearance) / self.compliance()
 
-    law = cj.LankaraniNikravesh(0.9, Foundation(207e9, 0.3, length=10e-3))
+    law = cj.laws.LankaraniNikravesh(0.9, Foundation(207e9, 0.3, length=10e-3))
     ```
     """
 
@@ -53,31 +54,35 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     @abc.abstractmethod
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Force over length, N/m, at a positive depth, m; the gap tells the radii."""
+        """Return the force per length, N/m, at a positive depth, m, for the radii of a gap."""
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """The integral of `line_force`, J/m, at a positive depth; by Gauss' quadrature in the root
-        of the depth, of which the force is a smooth function."""
-        depths = [depth * place**2 for place in _PLACES]
+        """Return the integral of `line_force`, J/m, up to a positive depth, m.
+
+        Gauss quadrature in the square root of the depth, of which the force is a smooth function.
+        """
+        depths = [depth * node**2 for node in _NODES]
         forces = [self.line_force(gap, at) for at in depths]
-        parts = zip(_PARTS, _PLACES, forces, strict=True)
-        return sum(part * 2.0 * place * force for part, place, force in parts) * depth
+        parts = zip(_WEIGHTS, _NODES, forces, strict=True)
+        return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """The penetration in m up to which the formula holds, or ``None`` if there is no such."""
+        """Return the largest valid penetration of the formula, m, or ``None`` if it has none."""
         del gap
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """The penetration, up to the deepest."""
+        """Return the limit of the penetration."""
         deepest = self.deepest(gap)
         if deepest is None:
             return ()
         return (Limit(type(self).__name__, "penetration", "m", gap.depth, 0.0, deepest),)
 
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """Elastic force in N, straight from shortly before the deepest penetration on; the law's
-        exponent plays no part."""
+        """Return the elastic force, N, continued linearly near the largest valid penetration.
+
+        The exponent is not used.
+        """
         del exponent
         touches, depth = _positive(gap)
         straight = self._straight(gap)
@@ -90,7 +95,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(touches, self.length * load, 0.0)
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """The force's integral over the penetration, J."""
+        """Return the integral of the force over the penetration, J."""
         del exponent
         touches, depth = _positive(gap)
         straight = self._straight(gap)
@@ -103,7 +108,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(touches, self.length * energy, 0.0)
 
     def _straight(self, gap: Gap) -> "_Straight | None":
-        """Where the force becomes straight, if it does."""
+        """Return the start of the linear continuation, or ``None`` without one."""
         deepest = self.deepest(gap)
         if deepest is None:
             return None
@@ -114,7 +119,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
 
 class _Straight(NamedTuple):
-    """A depth, m, the force over length there, N/m, and what it grows by from there on, N/m^2."""
+    """Start of the linear continuation: depth, m, force per length, N/m, and its slope, N/m^2."""
 
     depth: Scalar
     load: Scalar
@@ -122,13 +127,14 @@ class _Straight(NamedTuple):
 
 
 def _positive(gap: Gap) -> tuple[Scalar, Scalar]:
-    """Whether there is a penetration, and it, or a stand-in where there is none."""
+    """Return whether there is penetration, and the depth, or a positive substitute without one."""
+    # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
     touches = gap.depth > 0.0
     return touches, jnp.where(touches, gap.depth, 1e-6)
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Bearing radius, journal radius and radial clearance, m."""
+    """Return bearing radius, journal radius and radial clearance, m."""
     assert gap.bearing_radius is not None and gap.clearance is not None
     return gap.bearing_radius, gap.journal_radius, gap.clearance
 
@@ -138,39 +144,39 @@ class LiuCylinder(AbstractCylinder):
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
-    For large conformity too: dR is the clearance, 1/E* the sum of (1 - nu^2)/E.
+    dR is the clearance and 1/E* the sum of (1 - nu^2)/E. It is valid for conformal contact too.
 
-    >>> cylinder = cj.LiuCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     251 N
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Force over length, N/m."""
+        """Return the force per length, N/m."""
         clearance = radii_of(gap)[2]
         root = jnp.sqrt(depth / (2.0 * (clearance + depth)))
         return 0.5 * jnp.pi / self.compliance() * depth * root
 
 
 class PereiraCylinder(AbstractCylinder):
-    r"""F = (0.965 dR + 0.0965) L E*/dR delta^n in mm, N and MPa (C. Pereira et al. 2011, 2014), for
-    a journal inside of a bearing.
+    r"""F = (0.965 dR + 0.0965) L E*/dR delta^n for internal contact (C. Pereira et al. 2011, 2014).
 
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n$$
 
-    n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 up to a clearance dR of 0.34954 mm and
-    0.0151 dR + 1.151 from there. It holds for clearances from 0.005 to 10 mm. Its damping is that
-    of `LankaraniNikravesh`. All arguments are in SI units.
+    The formula is in mm, N and MPa; all arguments are in SI units. The exponent is
+    n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 for clearances dR below 0.34954 mm and
+    Y = 0.0151 dR + 1.151 above. It is valid for clearances from 0.005 to 10 mm. The authors use the
+    damping of `LankaraniNikravesh`.
 
-    >>> cylinder = cj.PereiraCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     1009 N
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Force over length, N/m: the same number as N/mm times a thousand."""
+        """Return the force per length, N/m, which is a thousand times the formula's N/mm."""
         clearance = 1e3 * radii_of(gap)[2]
         narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance, 5e-3, 0.34954)) ** -0.151
         slope = jnp.where(clearance < 0.34954, narrow, 0.0151 * clearance + 1.151)
@@ -180,53 +186,53 @@ class PereiraCylinder(AbstractCylinder):
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """The clearance."""
+        """Return the limits of the clearance."""
         clearance = radii_of(gap)[2]
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 
 
 _MOST_CONTACT = 0.8
-"""b^2 of `PerssonCylinder` up to which its force is taken; at 0.8355 it is infinite."""
+"""Largest b^2 of `PerssonCylinder`; the force is infinite at 0.8355."""
 
 
 class PerssonCylinder(AbstractCylinder):
-    r"""The load of a half-angle of contact by A. Persson 1964, exact for conformal contact of one
-    material; the half-angle of a penetration by the overlap of the undeformed circles.
+    r"""Exact conformal contact of equal materials for a contact half-angle (A. Persson 1964).
 
     $$\frac{E' \Delta R}{P} = \frac{2 - \ln(b^2 + 1) - 2 b^4}{\pi b^2 (b^2 + 1)}, \quad b =
     \tan\frac{\varepsilon}{2}$$
 
-    E' dR/P = (2 - ln(b^2 + 1) - 2 b^4)/(pi b^2 (b^2 + 1)) with P = F/L, b = tan(half-angle/2) and
-    E' = E/(1 - nu^2). Persson says nothing of the penetration. With the overlap, cos(half-angle) =
-    dR/(dR + delta) as in `LiuCylinder`, the force is several times that of the other laws at small
-    penetrations. It is here for `load` and `half_angle`, which tell where they end.
+    P = F/L is the load per length and E' = E/(1 - nu^2). Persson's theory doesn't give the
+    penetration. Here the half-angle follows from the overlap of the undeformed circles as in
+    `LiuCylinder`, cos(half-angle) = dR/(dR + delta). For small penetrations the force is then
+    several times that of the other laws. Use `load` and `half_angle` to find where these laws
+    become invalid.
 
-    >>> cylinder = cj.PerssonCylinder(207e9, 0.3, length=20e-3)
+    >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
     >>> print(f"{load:.3e} N/m")
     1.611e+05 N/m
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Force over length, N/m."""
+        """Return the force per length, N/m."""
         clearance = radii_of(gap)[2]
         return self._line_load(depth / (2.0 * clearance + depth), clearance)
 
     def half_angle(self, gap: Gap) -> Scalar:
-        """Half-angle of the contact at the depth of a gap, rad."""
+        """Return the half-angle of the contact at the depth of a gap, rad."""
         clearance = radii_of(gap)[2]
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
-        """The force in N that has a half-angle of contact, rad, at a radial clearance, m."""
+        """Return the force in N for a contact half-angle, rad, and a radial clearance, m."""
         return self.length * self._line_load(jnp.tan(0.5 * half_angle) ** 2, clearance)
 
     def _line_load(self, square: Scalar, clearance: Scalar) -> Scalar:
-        """Force over length, N/m, by b^2; E' of one material is twice E*."""
+        """Return the force per length, N/m, for b^2; for equal materials E' is twice E*."""
         numerator = 2.0 - jnp.log1p(square) - 2.0 * square**2
         modulus = 2.0 / self.compliance()
         return modulus * clearance * jnp.pi * square * (square + 1.0) / numerator
 
     def deepest(self, gap: Gap) -> Scalar:
-        """Eight clearances, where nearly half of the bearing is in contact."""
+        """Return eight clearances, m, where nearly half the bearing is in contact."""
         return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * radii_of(gap)[2]

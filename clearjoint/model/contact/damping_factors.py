@@ -1,7 +1,7 @@
-"""Laws of the Hunt-Crossley family with a requested restitution c: each is its factor chi(c).
+"""Hunt-Crossley laws with a requested restitution c, each defined by its factor chi(c).
 
-What each delivers for what is requested, `delivered_restitution` tells; `ExactRestitution` delivers
-what is requested.
+`delivered_restitution` returns the restitution that a law actually delivers. `ExactRestitution`
+delivers the requested value.
 """
 
 import equinox as eqx
@@ -15,18 +15,17 @@ from .restitution import exact_damping_factor
 
 
 class HuntCrossley(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999 have
-    the same).
+    r"""chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999).
 
     $$\chi = \frac{3 (1 - c)}{2}$$
 
-    >>> law = cj.HuntCrossley(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3000, delivers 0.8329
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)/2."""
+        """Return chi = 3 (1 - c)/2."""
         return 1.5 * (1.0 - self.restitution)
 
 
@@ -35,29 +34,30 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
     $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
 
-    >>> law = cj.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3571, delivers 0.8070
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 6 (1 - c)/((2 c - 1)^2 + 3)."""
+        """Return chi = 6 (1 - c)/((2 c - 1)^2 + 3)."""
         return 6.0 * (1.0 - self.restitution) / ((2.0 * self.restitution - 1.0) ** 2 + 3.0)
 
 
 class LeeWang(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983): near c = 1 it loses half of what it should,
-    and at c = 0 it still delivers 0.66.
+    r"""chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983).
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    >>> law = cj.LeeWang(restitution=0.8, stiffness=1e9)
+    Near c = 1 it dissipates half the required energy, and at c = 0 it still delivers 0.66.
+
+    >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.1500, delivers 0.9090
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)/4."""
+        """Return chi = 3 (1 - c)/4."""
         return 0.75 * (1.0 - self.restitution)
 
 
@@ -66,13 +66,13 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
-    >>> law = cj.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.2700, delivers 0.8471
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c^2)/4."""
+        """Return chi = 3 (1 - c^2)/4."""
         return 0.75 * (1.0 - self.restitution**2)
 
 
@@ -81,35 +81,36 @@ class ZhiyingQishao(AbstractDampedLaw):
 
     $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
-    >>> law = cj.ZhiyingQishao(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.ZhiyingQishao(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4028, delivers 0.7874
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3/4 (1 - c^2) exp(2 (1 - c))."""
+        """Return chi = 3/4 (1 - c^2) exp(2 (1 - c))."""
         return 0.75 * (1.0 - self.restitution**2) * jnp.exp(2.0 * (1.0 - self.restitution))
 
 
 class CarvalhoMartins(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019): to four digits
-    exact from c = 0.5 on.
+    r"""chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019).
 
     $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
-    >>> law = cj.CarvalhoMartins(restitution=0.8, stiffness=1e9)
+    It delivers the requested restitution to four digits for c >= 0.5.
+
+    >>> law = cj.laws.CarvalhoMartins(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3732, delivers 0.8000
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c))."""
+        """Return chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c))."""
         c = self.restitution
         return 1.5 * (1.0 - c) * (11.0 - c) / (1.0 + 9.0 * c)
 
 
 class AbstractReboundingLaw(AbstractDampedLaw):
-    """A law whose damping is infinite for a requested restitution of zero, which is refused."""
+    """A law whose damping is infinite at c = 0, which raises an error."""
 
     def __check_init__(self):
         if (known := checkable(self.restitution)) is not None:
@@ -124,50 +125,51 @@ class AbstractReboundingLaw(AbstractDampedLaw):
 
 
 class Flores2011(AbstractReboundingLaw):
-    r"""chi = 8 (1 - c)/(5 c), for the whole range of restitution but 0 (P. Flores et al. 2011).
+    r"""chi = 8 (1 - c)/(5 c), for restitutions from nearly 0 to 1 (P. Flores et al. 2011).
 
     $$\chi = \frac{8 (1 - c)}{5 c}$$
 
-    K. Ye et al. 2009 have the same for an exponent of 1.5.
+    K. Ye et al. 2009 derived the same factor for the exponent 1.5.
 
-    >>> law = cj.Flores2011(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.Flores2011(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4000, delivers 0.7885
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 8 (1 - c)/(5 c)."""
+        """Return chi = 8 (1 - c)/(5 c)."""
         return 1.6 * (1.0 - self.restitution) / self.restitution
 
 
 class Gonthier(AbstractReboundingLaw):
-    r"""chi = (1 - c^2)/c (Y. Gonthier et al. 2004, the form in use; exactly: `ExactRestitution`).
+    r"""chi = (1 - c^2)/c (Y. Gonthier et al. 2004, approximate form; exact: `ExactRestitution`).
 
     $$\chi = \frac{1 - c^2}{c}$$
 
-    >>> law = cj.Gonthier(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.Gonthier(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.4500, delivers 0.7680
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = (1 - c^2)/c."""
+        """Return chi = (1 - c^2)/c."""
         return (1.0 - self.restitution**2) / self.restitution
 
 
 class GharibHurmuzlu(AbstractReboundingLaw):
-    r"""chi = 1/c (M. Gharib, Y. Hurmuzlu 2012), for nearly plastic impacts: it never delivers more
-    than 0.594.
+    r"""chi = 1/c, for nearly plastic impacts (M. Gharib, Y. Hurmuzlu 2012).
 
     $$\chi = \frac{1}{c}$$
 
-    >>> law = cj.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
+    The delivered restitution never exceeds 0.594.
+
+    >>> law = cj.laws.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     1.2500, delivers 0.5362
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 1/c."""
+        """Return chi = 1/c."""
         return 1.0 / self.restitution
 
 
@@ -176,13 +178,13 @@ class HuGuo(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
-    >>> law = cj.HuGuo(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.HuGuo(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3750, delivers 0.7992
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)/(2 c)."""
+        """Return chi = 3 (1 - c)/(2 c)."""
         return 1.5 * (1.0 - self.restitution) / self.restitution
 
 
@@ -191,22 +193,22 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
     $$\chi = \frac{5 (1 - c)}{4 c}$$
 
-    >>> law = cj.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3125, delivers 0.8271
     """
 
     def damping_factor(self) -> Scalar:
-        """chi = 5 (1 - c)/(4 c)."""
+        """Return chi = 5 (1 - c)/(4 c)."""
         return 1.25 * (1.0 - self.restitution) / self.restitution
 
 
 class YePounding(AbstractReboundingLaw):
-    r"""chi = 3 (1 - c)/(2 c) with a linear spring (K. Ye et al. 2009), for buildings that pound.
+    r"""chi = 3 (1 - c)/(2 c) with a linear spring, for colliding buildings (K. Ye et al. 2009).
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
-    >>> law = cj.YePounding(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.YePounding(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3750, delivers 0.7992
     """
@@ -214,7 +216,7 @@ class YePounding(AbstractReboundingLaw):
     exponent: float = eqx.field(default=1.0, static=True)
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)/(2 c)."""
+        """Return chi = 3 (1 - c)/(2 c)."""
         return 1.5 * (1.0 - self.restitution) / self.restitution
 
 
@@ -223,14 +225,14 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
 
-    Unusable as a law of restitution: for 0.5 it delivers 0.22, for 0.9 it delivers 0.81. It is here
-    to reproduce papers, and warns.
+    The delivered restitution is far too small: 0.22 for 0.5, and 0.81 for 0.9. Use this law only to
+    reproduce published results.
 
     **Warns:** `LawRangeWarning` for any restitution below 1.
 
     >>> import warnings
     >>> warnings.filterwarnings("ignore", category=cj.LawRangeWarning)
-    >>> law = cj.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
+    >>> law = cj.laws.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3519, delivers 0.8093
     """
@@ -242,28 +244,27 @@ class PantWijeyewickrema(AbstractReboundingLaw):
         if requested is not None and requested < 1.0:
             caution(
                 f"`PantWijeyewickrema` delivers far less than the requested restitution of "
-                f"{float(requested):g}, for 0.5 for instance 0.22: take `ExactRestitution`.",
+                f"{float(requested):g}, for example 0.22 for 0.5: use `ExactRestitution`.",
                 LawRangeWarning,
             )
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c^2)/(2 c^2)."""
+        """Return chi = 3 (1 - c^2)/(2 c^2)."""
         return 1.5 * (1.0 - self.restitution**2) / self.restitution**2
 
 
 class ExactRestitution(AbstractReboundingLaw):
-    r"""The chi for which a free impact delivers the requested restitution c, for every stiffness.
+    r"""The chi for which a free impact delivers the requested restitution c, for any elastic force.
 
     $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
 
-    It solves chi (1 + c) = ln[(1 + chi)/(1 - chi c)], the relation of Y. Gonthier et al. 2004 and
-    J. Zhang, I. Sharf 2009.
+    Source: Y. Gonthier et al. 2004; J. Zhang, I. Sharf 2009.
 
-    >>> law = cj.ExactRestitution(restitution=0.8, stiffness=1e9)
+    >>> law = cj.laws.ExactRestitution(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
     0.3731, delivers 0.8000
     """
 
     def damping_factor(self) -> Scalar:
-        """chi with chi (1 + c) = ln[(1 + chi)/(1 - chi c)]."""
+        """Return the solution chi of chi (1 + c) = ln[(1 + chi)/(1 - chi c)]."""
         return exact_damping_factor(self.restitution)

@@ -1,9 +1,9 @@
-"""Laws with a dashpot beside the spring, F = K delta^n + D delta^m rate, clamped at zero.
+"""Laws with a parallel dashpot, F = K delta^n + D delta^m rate, clamped at zero.
 
-None keeps a memory. The contact ends where the surfaces part, at delta = 0; before that a dashpot
-would pull, where the clamp lets go. What is delivered for a requested restitution depends on that
-rule: without the clamp the first two would deliver it exactly, with it they deliver
-`clamped_restitution`. The first also jumps at touch.
+They don't use the entry speed. The contact ends at delta = 0, but the clamp sets the force to zero
+earlier, where the dashpot would pull. The delivered restitution depends on this rule: without the
+clamp `KelvinVoigt` and `Tsuji` would deliver the requested value, with it they deliver
+`clamped_restitution`. The force of `KelvinVoigt` jumps at the onset.
 """
 
 import abc
@@ -17,21 +17,21 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import AbstractPowerLaw
 from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 
 
-class AbstractDashpotLaw(AbstractElasticLaw):
-    """F = max(0, K delta^n + D delta^m rate) where delta > 0, with n and m of the class.
+class AbstractDashpotLaw(AbstractPowerLaw):
+    """F = max(0, K delta^n + D delta^m rate) for delta > 0, with class constants n and m.
 
-    A subclass declares `exponent` n and `damping_exponent` m, and gives the `damping`. With m = 0
-    the force jumps at touch, which it must declare as ``force_jumps = True``.
+    A subclass declares `exponent` n and `damping_exponent` m, and defines `damping`. With m = 0 the
+    force jumps at the onset: declare ``force_jumps = True``.
 
     ```python
     import clearjoint as cj
 
-    class Foam(cj.AbstractDashpotLaw):
-        stiffness: cj.AbstractStiffness
+    class Foam(cj.extend.AbstractDashpotLaw):
+        stiffness: cj.extend.AbstractStiffness
         viscosity: float  # N s/m^2
         exponent = 1.5
         damping_exponent = 1.0
@@ -43,71 +43,66 @@ class AbstractDashpotLaw(AbstractElasticLaw):
     ```
     """
 
-    if TYPE_CHECKING:  # pyright takes equinox's for fields
+    if TYPE_CHECKING:  # pyright mistakes AbstractClassVar for a field
         exponent: ClassVar[float]
         damping_exponent: ClassVar[float]
     else:
         exponent: eqx.AbstractClassVar[float]
         damping_exponent: eqx.AbstractClassVar[float]
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     @abc.abstractmethod
     def damping(self, gap: Gap) -> Scalar:
-        """D in N s/m^(1+m)."""
-
-    def slope_jumps(self) -> bool:
-        """Unless the elastic force begins as a power of the penetration above one: what the dashpot
-        has beside it is gone where the surfaces part."""
-        return not self.stiffness.begins_flat(self.exponent)
-
-    def elastic_force(self, gap: Gap) -> Scalar:
-        """K delta^n, N."""
-        return self.stiffness.force(gap, self.exponent)
-
-    def stored_energy(self, gap: Gap) -> Scalar:
-        """K delta^(n+1)/(n+1), J."""
-        return self.stiffness.energy(gap, self.exponent)
+        """Return D in N s/m^(1+m)."""
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N."""
+        """Return the normal force, N."""
         del entry_speed
+        # Powers of zero have infinite derivatives: without contact a depth of one replaces it.
         closed = gap.depth > 0.0
         depth = jnp.where(closed, gap.depth, 1.0)
         dashpot = self.damping(gap) * depth**self.damping_exponent * self._damped_rate(gap)
         return jnp.where(closed, jnp.maximum(self.elastic_force(gap) + dashpot, 0.0), 0.0)
 
     def _damped_rate(self, gap: Gap) -> Scalar:
-        """The rate on which the dashpot acts, m/s."""
+        """Return the rate on which the dashpot acts, m/s."""
         return gap.rate
 
 
 def damping_ratio(restitution: Scalar) -> Scalar:
-    """Damping over critical damping of an oscillator whose speed falls to a part in half a period:
-    -ln c/sqrt(pi^2 + ln^2 c)."""
+    """Return the damping ratio of an oscillator whose speed falls to c in half a period.
+
+    It is -ln c/sqrt(pi^2 + ln^2 c).
+    """
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
 
 
 def clamped_restitution(ratio: Scalar) -> Scalar:
-    r"""Rebound over entry speed of a damped oscillator that is let go where its force vanishes.
+    r"""Return rebound over entry speed of a damped oscillator released where its force vanishes.
 
     $$e = \exp\left(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\right)$$
 
-    exp(-2 z acos z/sqrt(1 - z^2)) with the damping ratio z < 1 (T. Schwager, T. Poeschel 2007).
+    **Arguments:** `ratio`: the damping ratio z, below 1.
 
-    >>> print(f"{cj.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
+    Source: T. Schwager, T. Poeschel 2007.
+
+    >>> print(f"{cj.laws.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
     0.550
     """
     return jnp.exp(-2.0 * ratio * jnp.arccos(ratio) / jnp.sqrt(1.0 - ratio**2))
 
 
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
-    """A dashpot tuned to a requested restitution of impacts of an effective mass.
+    """A dashpot tuned to a requested restitution for impacts of an effective mass.
 
-    **Arguments:** `restitution` in (0, 1]; `stiffness` K, a number in N/m^n or an
-    `AbstractStiffness`; `effective_mass`: kg, of two bodies that collide m1 m2/(m1 + m2), of one
-    against a wall its own.
+    **Arguments:**
+
+    - `restitution`: c in (0, 1].
+    - `stiffness`: K, a number in N/m^n or an `AbstractStiffness`.
+    - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
+      against a wall.
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
@@ -120,7 +115,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
             "stiffness",
             type(self.stiffness).__name__,
             "a number or an AbstractStiffness",
-            "the damping of this law follows the factor of a power of the penetration",
+            "the damping of this law is computed from the stiffness K of a power law",
         )
         if (known := checkable(self.restitution)) is not None:
             (restitution,) = known
@@ -129,11 +124,11 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
                 "restitution",
                 restitution,
                 "positive for this law",
-                "its logarithm or inverse is in the damping; use a small value such as 0.01",
+                "the damping is infinite at 0; use a small value such as 0.01",
             )
 
     def _root(self, gap: Gap) -> Scalar:
-        """sqrt(K m)."""
+        """Return sqrt(K m)."""
         assert isinstance(self.stiffness, AbstractStiffness)
         return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
 
@@ -143,12 +138,12 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
-    S. A. Anagnostopoulos 1988 has the same for buildings that pound. z is the `damping_ratio` of
-    the requested restitution, which an impact delivers that ends where the surfaces part and pulls
-    before. This one does not pull: for 0.1, 0.5 and 0.9 it delivers 0.253, 0.550 and 0.902. At
-    touch the force jumps to D times the entry speed.
+    z is the `damping_ratio` for the requested restitution. It would be delivered if the force could
+    pull until the surfaces separate. With the force clamped at zero, the requested values 0.1, 0.5
+    and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the force jumps to D times the entry speed.
+    S. A. Anagnostopoulos 1988 uses the same law for colliding buildings.
 
-    >>> law = cj.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
+    >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
     0.550
     """
@@ -158,11 +153,11 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
     force_jumps = True
 
     def damping(self, gap: Gap) -> Scalar:
-        """2 z sqrt(K m), N s/m."""
+        """Return 2 z sqrt(K m), N s/m."""
         return 2.0 * damping_ratio(self.restitution) * self._root(gap)
 
     def delivered_restitution(self) -> Scalar:
-        """Rebound over entry speed of a free impact of the effective mass."""
+        """Return rebound speed over entry speed of a free impact of the effective mass."""
         return clamped_restitution(damping_ratio(self.restitution))
 
 
@@ -171,10 +166,10 @@ class Tsuji(AbstractTunedDashpotLaw):
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
-    z is the `damping_ratio` (J. Antypov, J. A. Elliott 2011): it would deliver the requested
-    restitution if it pulled before the end; clamped, it delivers what `KelvinVoigt` does.
+    z is the `damping_ratio` for the requested restitution (J. Antypov, J. A. Elliott 2011). With
+    the force clamped at zero, the delivered restitution is that of `KelvinVoigt`.
 
-    >>> law = cj.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
+    >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
     0.902
     """
@@ -183,25 +178,25 @@ class Tsuji(AbstractTunedDashpotLaw):
     damping_exponent = 0.25
 
     def damping(self, gap: Gap) -> Scalar:
-        """sqrt(5) z sqrt(m K), N s/m^(5/4)."""
+        """Return sqrt(5) z sqrt(m K), N s/m^(5/4)."""
         return 5.0**0.5 * damping_ratio(self.restitution) * self._root(gap)
 
     def delivered_restitution(self) -> Scalar:
-        """Rebound over entry speed of a free impact of the effective mass."""
+        """Return rebound speed over entry speed of a free impact of the effective mass."""
         return clamped_restitution(damping_ratio(self.restitution))
 
 
 class Jankowski(AbstractTunedDashpotLaw):
-    r"""F = K delta^1.5 + 2 z sqrt(K m) delta^(1/4) rate on the approach, K delta^1.5 on the rebound
-    (R. Jankowski 2005). It never pulls, and delivers nearly what is requested.
+    r"""A law with damping during the approach only (R. Jankowski 2005).
 
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    z = (9 sqrt(5)/2) (1 - c^2)/(c (c (9 pi - 16) + 16)).
+    The force in the rebound is K delta^1.5. It never pulls, and the delivered restitution is close
+    to the requested one.
 
-    >>> law = cj.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
+    >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
     1000.0
     """
 
@@ -209,7 +204,7 @@ class Jankowski(AbstractTunedDashpotLaw):
     damping_exponent = 0.25
 
     def damping(self, gap: Gap) -> Scalar:
-        """2 z sqrt(K m), N s/m^(5/4)."""
+        """Return 2 z sqrt(K m), N s/m^(5/4)."""
         c = self.restitution
         ratio = 4.5 * 5.0**0.5 * (1.0 - c**2) / (c * (c * (9.0 * jnp.pi - 16.0) + 16.0))
         return 2.0 * ratio * self._root(gap)
@@ -219,7 +214,7 @@ class Jankowski(AbstractTunedDashpotLaw):
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
-    """A dashpot whose damping D is given, in N s/m^(1+m)."""
+    """A dashpot with an explicit damping coefficient D, N s/m^(1+m)."""
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     damping_coefficient: Single = quantity(
@@ -227,22 +222,23 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
     )
 
     def damping(self, gap: Gap) -> Scalar:
-        """The given one."""
+        """Return the damping coefficient."""
         del gap
         return self.damping_coefficient
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D delta^(1/2) rate (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
-    1996): spheres of a viscous material.
+    r"""F = K delta^1.5 + D delta^(1/2) rate, for spheres of a viscous material.
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    The restitution falls with the speed, as that of metals does. D in N s/m^1.5. The slope of the
-    damping grows without bound towards touch, where the force is zero.
+    D is in N s/m^1.5. The restitution decreases with the entry speed, as with metals. At the onset
+    the force is zero but the derivative of the damping force is unbounded.
 
-    >>> law = cj.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
+
+    >>> law = cj.laws.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 
@@ -255,8 +251,8 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
-    >>> law = cj.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 1e5 (1e-4)^0.65
+    >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
     1251.2
     """
 
@@ -265,12 +261,14 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D rate (G. H. Ristow 1992). The force jumps at touch. D in N s/m.
+    r"""F = K delta^1.5 + D rate (G. H. Ristow 1992). D in N s/m.
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    >>> law = cj.Ristow(stiffness=1e9, damping_coefficient=2e3)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
+    The force jumps at the onset.
+
+    >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
     1200.0
     """
 

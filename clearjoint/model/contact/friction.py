@@ -1,4 +1,4 @@
-"""Friction laws: the coefficient that turns a normal force into a tangential one."""
+"""Friction laws: the ratio of friction to normal force as a function of the slip speed."""
 
 import abc
 
@@ -14,17 +14,17 @@ from ...math.vectors import Scalar, Vector
 
 
 class AbstractFriction(AbstractConverting):
-    """Tangential force against the slip, as a multiple of the normal force.
+    """Friction force against the slip, proportional to the normal force.
 
-    A subclass gives the ratio of friction to normal force as a function of the slip speed; it must
-    vanish with the speed, which makes the force and its derivatives finite at zero slip.
+    A subclass defines the ratio of friction to normal force as a function of the slip speed. The
+    ratio must vanish at zero speed, so that the force and its derivatives are finite there.
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
     from clearjoint.testing import check_friction
 
-    class Fading(cj.AbstractFriction):
+    class Fading(cj.extend.AbstractFriction):
         slow: float
         fast: float
         fading_speed: float  # m/s
@@ -36,30 +36,32 @@ class AbstractFriction(AbstractConverting):
 
     friction = Fading(slow=0.15, fast=0.1, fading_speed=0.01)
     check_friction(friction)
-    scene, state = cj.double_pendulum(friction=friction)
+    scene, state = cj.mechanisms.double_pendulum(friction=friction)
     ```
     """
 
     @abc.abstractmethod
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Friction over normal force at a slip speed in m/s."""
+        """Return friction over normal force at a slip speed in m/s."""
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Tangential force in N on the body whose slip velocity (m/s) is given."""
+        """Return the friction force in N on the body whose slip velocity (m/s) is given."""
         speed, _ = norm_and_direction(slip)
         rests = speed == 0.0
         _, slope = jax.jvp(self.ratio, (jnp.zeros_like(speed),), (jnp.ones_like(speed),))
-        # At rest the ratio over the speed is its limit, so that the derivatives are right there.
+        # At zero speed the quotient is replaced by its limit, which keeps the derivatives correct.
         per_speed = jnp.where(rests, slope, self.ratio(speed) / jnp.where(rests, 1.0, speed))
         return slip * (-normal_force * per_speed)
 
 
 class RegularisedCoulomb(AbstractFriction):
-    r"""mu tanh(v/v_d): Coulomb's law, smoothed below the speed v_d (m/s). Creeps under load.
+    r"""Coulomb friction mu tanh(v/v_d), smoothed below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
-    >>> friction = cj.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
+
+    >>> friction = cj.frictions.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
     0.0762
     """
@@ -70,16 +72,18 @@ class RegularisedCoulomb(AbstractFriction):
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu tanh(v/v_d), which rises from zero to mu."""
+        """Return mu tanh(v/v_d)."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
 class LinearCoulomb(AbstractFriction):
-    r"""mu min(v/v_d, 1): Coulomb's law, linear below the speed v_d (m/s). Creeps under load.
+    r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
-    >>> friction = cj.LinearCoulomb(0.1, regularisation_speed=1e-3)
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
+
+    >>> friction = cj.frictions.LinearCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5e-3):.4f}")
     0.0500
     """
@@ -90,19 +94,21 @@ class LinearCoulomb(AbstractFriction):
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu min(v/v_d, 1)."""
+        """Return mu min(v/v_d, 1)."""
         return self.coefficient * jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
 
 
 class Threlfall(AbstractFriction):
-    r"""mu (1 - exp(-3 v/v_r)) up to the speed v_r (m/s), constant beyond (A. G. Threlfall 1978).
+    r"""mu (1 - exp(-3 v/v_r)) below the speed v_r, constant above (A. G. Threlfall 1978).
 
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_r, 1)}\right)$$
 
-    The constant is 1 - exp(-3) = 0.9502 mu: the law never reaches mu. With 0.95 mu, as the formula
-    is often printed, it would jump at v_r. Creeps under load.
+    The constant is (1 - exp(-3)) mu = 0.9502 mu; with the value 0.95 mu, which is often printed,
+    the law would jump at v_r. It creeps under load.
 
-    >>> friction = cj.Threlfall(0.1, regularisation_speed=1e-3)
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_r, m/s.
+
+    >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
@@ -113,19 +119,19 @@ class Threlfall(AbstractFriction):
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu (1 - exp(-3 min(v/v_r, 1)))."""
+        """Return mu (1 - exp(-3 min(v/v_r, 1)))."""
         rise = jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
         return -self.coefficient * jnp.expm1(-3.0 * rise)
 
 
 class Ambrosio(AbstractFriction):
-    r"""mu c_d with c_d rising from 0 at v0 to 1 at v1 (J. Ambrosio 2003). None below v0.
+    r"""Friction that rises linearly from 0 at v0 to mu at v1 (J. Ambrosio 2003).
 
     $$\mu(v) = \mu\, \frac{v - v_0}{v_1 - v_0}, \quad v_0 \le v \le v_1$$
 
-    **Arguments:** `coefficient` mu; `lower_speed` v0 and `upper_speed` v1 in m/s.
+    **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s.
 
-    >>> friction = cj.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
+    >>> friction = cj.frictions.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
     >>> print(f"{friction.ratio(0.55e-3):.4f}")  # half-way
     0.0500
     """
@@ -148,7 +154,7 @@ class Ambrosio(AbstractFriction):
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """mu c_d(v), linear between the two speeds."""
+        """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
-        # At v0 the slope is that of rising friction: with v0 = 0 there are no lower speeds.
+        # At v0 the slope is that above v0: with v0 = 0 there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)

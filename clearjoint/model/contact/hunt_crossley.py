@@ -1,6 +1,5 @@
-"""The Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed): what its laws share, and those
-that are told by more than a requested restitution.
-"""
+"""The Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed): base classes and elastic
+laws."""
 
 import abc
 from dataclasses import replace
@@ -22,25 +21,26 @@ from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 class AbstractHertzianLaw(AbstractElasticLaw):
     """F = K delta^n (1 + chi rate/entry speed), clamped at zero.
 
-    A subclass declares the fields below and implements `damping_factor`. Its rebound of a free mass
-    then has the restitution that `delivered_restitution` reports, which differs from the requested.
+    A subclass declares the fields below and implements `damping_factor`. The restitution of a free
+    mass is then that of `delivered_restitution`, which may differ from the requested restitution.
 
     - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
-      of the depth then stands for K delta^n.
-    - `exponent`: n, at least 1; a static field makes 1 and 1.5 cheap. A cylinder has its own.
-    - `smoothing`: width w in m, or ``None``. With it the penetration becomes a ramp that begins at
-      delta = -w, and the clamp a ramp of relative width w/(w + delta).
+      replaces K delta^n.
+    - `exponent`: n, at least 1; as a static field the values 1 and 1.5 are cheap. A cylinder
+      ignores it.
+    - `smoothing`: width w in m, or ``None``. It replaces the penetration by a smooth ramp that
+      begins at delta = -w, and the clamp at zero by a ramp of relative width w/(w + delta).
 
     ```python
     import clearjoint as cj
     import equinox as eqx
 
-    class Damped(cj.AbstractHertzianLaw):
-        stiffness: cj.AbstractStiffness
+    class Damped(cj.extend.AbstractHertzianLaw):
+        stiffness: cj.extend.AbstractStiffness
         factor: float
         exponent: float = eqx.field(default=1.5, static=True)
         smoothing: float | None = None
-        has_memory = True
+        uses_entry_speed = True
 
         def damping_factor(self):
             return self.factor
@@ -55,7 +55,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     @abc.abstractmethod
     def damping_factor(self) -> Scalar:
-        """chi, the hysteresis damping factor times the entry speed over K."""
+        """Return chi, dimensionless: the factor of rate/entry speed in the force.
+
+        The hysteresis damping factor is chi K/(entry speed).
+        """
 
     def __check_init__(self):
         if (known := checkable(self.exponent)) is not None:
@@ -71,36 +74,38 @@ class AbstractHertzianLaw(AbstractElasticLaw):
                 "it smooths a power of the penetration",
             )
 
-    def reach(self) -> Scalar:
-        """Distance ahead of the surface at which the force begins, m."""
+    def onset_offset(self) -> Scalar:
+        """Return the distance before the surface at which the force begins, m."""
         return 0.0 if self.smoothing is None else self.smoothing
 
     def slope_jumps(self) -> bool:
-        """Unless the force begins as a power of the penetration above one, or is smoothed."""
+        """Return ``False`` if the law is smoothed, or its force starts with an exponent above
+        one."""
         return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """K delta^n, the force without damping, N."""
+        """Return K delta^n, the force without damping, N."""
         if self.smoothing is not None:
             gap = replace(gap, depth=ramp(gap.depth, self.smoothing))
         return self.stiffness.force(gap, self.exponent)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """K delta^(n+1)/(n+1), J; with smoothing, the integral over the ramp as well."""
+        """Return K delta^(n+1)/(n+1), J; with smoothing the integral includes the ramp."""
         n, w = self.exponent, self.smoothing
         if w is None:
             return self.stiffness.energy(gap, n)
         assert isinstance(self.stiffness, AbstractStiffness)
+        # The ramp is (delta + w)^2/(4 w) for |delta| < w, and delta above: one integral for each.
         inside = jnp.clip(gap.depth, -w, w) + w
         below = positive_power(inside, 2 * n + 1) / ((4 * w) ** n * (2 * n + 1))
         above = (positive_power(jnp.maximum(gap.depth, w), n + 1) - w ** (n + 1)) / (n + 1)
         return self.stiffness.value(gap) * (below + above)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N (eq. 24)."""
+        """Return the normal force, N (eq. 24)."""
         if entry_speed is None:
             return self.elastic_force(gap)
-        # The quotient is the same in all stages of a step, and computed once.
+        # The quotient doesn't change during a step: in this order it is computed only once.
         factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
         return self.elastic_force(gap) * ramp(factor, self._clamp_width(gap))
 
@@ -110,27 +115,27 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
 
     def delivered_restitution(self) -> Scalar:
-        """Rebound over entry speed of a free impact, by the exact relation."""
+        """Return rebound speed over entry speed of a free impact, from the exact relation."""
         return delivered_restitution(self.damping_factor())
 
 
 class Hertz(AbstractHertzianLaw):
-    r"""Purely elastic contact, F = K delta^n (H. Hertz 1881). Keeps no memory.
+    r"""Purely elastic contact, F = K delta^n (H. Hertz 1881); it doesn't use the entry speed.
 
     $$F = K \delta^n$$
 
-    >>> law = cj.Hertz(stiffness=1e9)
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
+    >>> law = cj.laws.Hertz(stiffness=1e9)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
     1000.0
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = False
+    uses_entry_speed = False
 
     def damping_factor(self) -> Scalar:
-        """chi = 0: nothing is lost."""
+        """Return chi = 0: there is no damping."""
         return 0.0
 
 
@@ -139,15 +144,15 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
 
     $$F = K \delta^n (1 + a \dot\delta), \quad a = \frac{3 (1 - c)}{2 v}$$
 
-    Keeps no memory: a = 3 (1 - c)/(2 v) is what `HuntCrossley` has at one entry speed v, the
-    `design_speed`, m/s. There the `restitution` c is requested, and the one that
-    `delivered_restitution` reports is delivered. Slower impacts lose less and faster ones more, as
-    metals do, and a contact that begins slowly isn't stiff.
+    The damping a doesn't depend on the entry speed. It equals that of `HuntCrossley` at the entry
+    speed v, the `design_speed`, m/s, where the `restitution` c is requested and
+    `delivered_restitution` is delivered. Slower impacts lose less and faster impacts more, as with
+    metals, and a contact with a slow onset doesn't become stiff.
 
-    >>> law = cj.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
+    >>> law = cj.laws.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
     >>> print(f"{law.delivered_restitution():.4f}")
     0.8329
-    >>> print(f"{law.force(cj.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 (1 + 0.3)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 (1 + 0.3)
     1300.0
     """
 
@@ -158,32 +163,41 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     )
     exponent: float = eqx.field(default=1.5, static=True)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = False
+    uses_entry_speed = False
     force_jumps = False
 
     def damping_factor(self) -> Scalar:
-        """chi = 3 (1 - c)/2, at the design speed."""
+        """Return chi = 3 (1 - c)/2, dimensionless, for the requested restitution c.
+
+        The damping is a = chi/v, s/m, with the design speed v.
+        """
         return 1.5 * (1.0 - self.restitution)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N, with the damping of the design speed at every entry speed."""
+        """Return the normal force, N, with the damping of the design speed at every entry speed."""
         return super().force(gap, self.design_speed)
 
 
 class AbstractDampedLaw(AbstractHertzianLaw):
-    """A law of the family with a requested restitution and a floor on the entry speed.
+    """A Hunt-Crossley law with a requested restitution and a floor on the entry speed.
 
-    Its fields are those of all such laws; a subclass says the `damping_factor`. At low entry speed
-    the damping term diverges: `entry_speed_floor` (m/s) bounds it from below.
+    A subclass defines `damping_factor`.
+
+    **Arguments:**
+
+    - `restitution`: requested c, 0 to 1.
+    - `stiffness`, `exponent`, `smoothing`: as in `AbstractHertzianLaw`.
+    - `entry_speed_floor`: m/s, lower bound of the entry speed, because the damping term diverges at
+      zero entry speed.
 
     ```python
     import clearjoint as cj
 
-    class Gonthier(cj.AbstractDampedLaw):
+    class Gonthier(cj.extend.AbstractDampedLaw):
         def damping_factor(self):
             return (1.0 - self.restitution**2) / self.restitution
 
-    law = Gonthier(restitution=0.8, stiffness=cj.RavnStiffness(207e9, 0.3))
+    law = Gonthier(restitution=0.8, stiffness=cj.laws.RavnStiffness(207e9, 0.3))
     ```
     """
 
@@ -192,7 +206,7 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     exponent: float = eqx.field(default=1.5, static=True)
     entry_speed_floor: Single = quantity("m/s", default=1e-6)
     smoothing: Single | None = optional_quantity("m")
-    has_memory = True
+    uses_entry_speed = True
     force_jumps = False
 
     def __check_init__(self):
@@ -202,6 +216,6 @@ class AbstractDampedLaw(AbstractHertzianLaw):
         )
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N, with the entry speed floored."""
+        """Return the normal force, N, with the entry speed bounded from below."""
         assert entry_speed is not None
         return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))

@@ -1,8 +1,8 @@
-"""Normal contact laws: the force from penetration, its rate, and the memory of the impact.
+"""Interface of the normal contact laws: force from penetration, its rate, and the entry speed.
 
-What every law has. Laws of the Hunt-Crossley family are in `hunt_crossley` and `damping_factors`,
-those with a dashpot beside the spring in `dashpots`. A law of another form subclasses
-`AbstractContactLaw`; `clearjoint.testing.check_law` tells whether it behaves.
+Laws of the Hunt-Crossley family are in `hunt_crossley` and `damping_factors`, laws with a parallel
+dashpot in `dashpots`. Other laws subclass `AbstractContactLaw`; test them with
+`clearjoint.testing.check_law`.
 """
 
 import abc
@@ -13,38 +13,41 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...math.vectors import Scalar
 from .gap import Gap
 from .limits import Limit
-from .stiffness import AbstractElasticity, as_stiffness
+from .stiffness import AbstractElasticity, GivenStiffness, as_stiffness
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, given to a contact that exists before the motion starts: its impact was not
-seen, so it is taken as elastic, for which an entry speed beyond all others stands."""
+"""Entry speed, m/s, of a contact that exists at the start of the motion.
+
+Its impact is unknown; the large value makes the contact elastic.
+"""
 
 
 class AbstractContactLaw(AbstractConverting):
     """A normal force law.
 
-    A subclass gives the force and the stored energy; a law with `has_memory` gets the entry speed
-    of the present contact, found at the true onset and kept to the separation.
+    A subclass defines the force, its elastic part and the stored energy, and two class attributes:
 
-    `force_jumps`: whether the force may be other than zero right after the onset or before the
-    separation, as that of a parallel damper is. What follows of it, derivatives above all, is then
-    taken into account, for one more evaluation a step. A class that has a `force` of its own and
-    says nothing is taken to jump: declare ``force_jumps = False`` for one that begins and ends at
-    zero.
+    - `uses_entry_speed`: whether the law needs the entry speed of the current contact, which is
+      determined at the onset and kept until separation.
+    - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
+      with a parallel damper. Derivatives then include the effect of the jump, at the cost of one
+      more evaluation per step. A class that defines `force` without this attribute is assumed to
+      jump: set ``force_jumps = False`` if the force starts and ends at zero.
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
     from clearjoint.testing import check_law
 
-    class Elastomer(cj.AbstractContactLaw):
+    class Elastomer(cj.extend.AbstractContactLaw):
         stiffness: float  # N/m
         damping: float  # s/m
-        has_memory = False
+        uses_entry_speed = False
         force_jumps = False
 
         def elastic_force(self, gap):
@@ -58,14 +61,14 @@ class AbstractContactLaw(AbstractConverting):
 
     law = Elastomer(stiffness=1e8, damping=0.5)
     check_law(law)
-    scene, state = cj.double_pendulum(law=law)
+    scene, state = cj.mechanisms.double_pendulum(law=law)
     ```
     """
 
-    if TYPE_CHECKING:  # pyright takes equinox's for a field
-        has_memory: ClassVar[bool]
+    if TYPE_CHECKING:  # pyright mistakes AbstractClassVar for a field
+        uses_entry_speed: ClassVar[bool]
     else:
-        has_memory: eqx.AbstractClassVar[bool]
+        uses_entry_speed: eqx.AbstractClassVar[bool]
     force_jumps = True
 
     def __init_subclass__(cls, **options: object):
@@ -75,36 +78,42 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Normal force in N, never negative; `entry_speed` is ``None`` without memory."""
+        """Return the normal force in N, never negative.
+
+        `entry_speed` is in m/s, or ``None`` for a law that doesn't use it.
+        """
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """The part of the force that comes from stored energy, N."""
+        """Return the part of the force that comes from stored energy, N."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Elastic energy in J."""
+        """Return the elastic energy, J."""
 
-    def reach(self) -> Scalar:
-        """Distance ahead of the surface at which the force begins, m; 0 for an exact law."""
+    def onset_offset(self) -> Scalar:
+        """Return the distance before the surface at which the force begins, m; 0 by default."""
         return 0.0
 
     def slope_jumps(self) -> bool:
-        """Whether the force's slope by the depth may jump where it begins, as that of a spring
-        does. Steps that end there are smooth then in spite of it; a law that says no is spared
-        that, and one evaluation of the motion at each end of a contact."""
+        """Return whether the derivative of the force by the depth may jump at the onset, as for a
+        spring.
+
+        If it may, which is the default, steps that end at an onset are corrected for the kink.
+        ``False`` saves one evaluation of the motion at each end of a contact.
+        """
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """What of a gap the law holds for, if not for all; beyond, one is warned."""
+        """Return the validity limits of the law at a gap; none by default. Exceeding them warns."""
         del gap
         return ()
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """A law whose `stiffness`, a number or an `AbstractElasticity`, says its elastic force.
+    """A law whose elastic force is defined by its `stiffness`, a number or an `AbstractElasticity`.
 
-    >>> issubclass(cj.Hertz, extend.AbstractElasticLaw), cj.Hertz(1e9).stiffness
+    >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
     """
 
@@ -112,23 +121,64 @@ class AbstractElasticLaw(AbstractContactLaw):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """A number given as the `stiffness` is a `GivenStiffness`."""
+        """Return a converter that wraps a number given as `stiffness` in a `GivenStiffness`."""
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Those of the stiffness."""
+        """Return the validity limits of the stiffness."""
         return self.stiffness.limits(gap)
 
 
-def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-    """Normal force of a contact, N. Without an entry speed on record (memory zero) the present rate
-    stands for it, which it is at the onset.
+class AbstractPowerLaw(AbstractElasticLaw):
+    """A law with the elastic force K delta^n."""
 
-    >>> law, gap = cj.HuntCrossley(0.8, 1e9), cj.Gap(depth=1e-4, rate=0.1)
+    exponent: eqx.AbstractVar[float]
+
+    def slope_jumps(self) -> bool:
+        """Return ``False`` if the elastic force has an exponent above one."""
+        return not self.stiffness.begins_flat(self.exponent)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return K delta^n, N."""
+        return self.stiffness.force(gap, self.exponent)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return K delta^(n+1)/(n+1), J."""
+        return self.stiffness.energy(gap, self.exponent)
+
+
+def require_flat_law(law: object, surfaces: str) -> None:
+    """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
+
+    `surfaces` names the surfaces in the error message.
+    """
+    require(
+        isinstance(law, AbstractContactLaw),
+        "law",
+        law,
+        "an AbstractContactLaw",
+        "pass a law such as HuntCrossley(0.5, 1e8)",
+    )
+    if isinstance(law, AbstractElasticLaw):
+        require(
+            isinstance(law.stiffness, GivenStiffness),
+            "law",
+            type(law.stiffness).__name__,
+            "a law with an explicit stiffness",
+            f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness",
+        )
+
+
+def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+    """Return the normal force of a contact, N.
+
+    If no entry speed is recorded yet (zero), the current rate is used; the two agree at the onset.
+
+    >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
     1300.0 N
     """
-    if law.has_memory:
+    if law.uses_entry_speed:
         assert entry_speed is not None
         entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)
     return law.force(gap, entry_speed)

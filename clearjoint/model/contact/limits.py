@@ -1,4 +1,4 @@
-"""Where a law holds: limits of its quantities, and the warning beyond them."""
+"""Validity ranges of laws, and the warning outside them."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,15 @@ from ...math.vectors import Scalar
 
 
 class Limit(NamedTuple):
-    """A quantity of a contact, and the least and the most for which a law was made.
+    """A quantity of a contact, and the range in which a law is valid.
 
-    `law` and `quantity`: names; `value`, `least` and `most` in the `unit`.
+    - `law`, `quantity`: names.
+    - `unit`: of the numbers.
+    - `value`: of the quantity.
+    - `least`, `most`: ends of the range.
 
-    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=10e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> limit = cylinder.limits(gap)[0]
     >>> limit.quantity, limit.unit
     ('penetration', 'm')
@@ -28,7 +31,7 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """What is beyond the limits of a quantity, in sentences; nothing of numbers that JAX traces."""
+    """Return a sentence for each exceeded limit of a quantity; traced numbers are not checked."""
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
@@ -44,6 +47,6 @@ def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
 
 
 def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
-    """Warn of a quantity beyond a law's limits."""
+    """Issue a `LawRangeWarning` for each exceeded limit of a quantity."""
     for sentence in exceeded(limits, quantity):
         caution(sentence, LawRangeWarning)

@@ -1,9 +1,9 @@
-"""Line contacts whose penetration is given by the load: delta = P S [ln(A/P) + k].
+"""Line contacts whose penetration is a function of the load: delta = P S [ln(A/P) + k].
 
-P is the force over length, S = 1/(pi E*); the laws differ in the load A and the number k. The
-penetration has a largest value, at the load A exp(k - 1), beyond which the formula makes no sense.
-With u = ln(A/P) + k, the force is L delta/(S u), and u follows from the part d of the largest
-penetration that is reached: u - 1 - ln u = -ln d, for every law alike.
+P is the force per length and S = 1/(pi E*); the laws differ in the load A and the number k. The
+penetration has a maximum at the load A exp(k - 1), beyond which the formula is invalid. With u =
+ln(A/P) + k the force is L delta/(S u), and u follows from the ratio d of the penetration to its
+maximum: u - 1 - ln u = -ln d, for all laws.
 """
 
 import abc
@@ -17,13 +17,14 @@ from .cylinders import AbstractCylinder, radii_of
 from .gap import Gap
 
 _STEPS = 5
-"""Of Newton's method, which converges from above; four leave rounding alone."""
+"""Steps of Newton's method, which converges from above; four reach rounding accuracy."""
 
 
 @jax.custom_jvp
-def inverse_of_load(part: Scalar) -> Scalar:
-    """The u > 1 of u exp(1 - u) = part, for parts between zero and one."""
-    q = -jnp.log(part)
+def inverse_of_load(ratio: Scalar) -> Scalar:
+    """Return the solution u > 1 of u exp(1 - u) = ratio, for ratios between zero and one."""
+    q = -jnp.log(ratio)
+    # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
     for _ in range(_STEPS):
         u = u * (q + jnp.log(u)) / (u - 1.0)
@@ -32,36 +33,36 @@ def inverse_of_load(part: Scalar) -> Scalar:
 
 @inverse_of_load.defjvp
 def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
-    (part,), (along,) = primals, tangents
-    u = inverse_of_load(part)
-    return u, -u / ((u - 1.0) * part) * along
+    (ratio,), (tangent,) = primals, tangents
+    u = inverse_of_load(ratio)
+    return u, -u / ((u - 1.0) * ratio) * tangent
 
 
 class AbstractLogarithmicCylinder(AbstractCylinder):
-    """delta = P S [ln(A/P) + k], solved for P; a subclass gives A and k."""
+    """delta = P S [ln(A/P) + k], solved for P; a subclass defines A and k."""
 
     @abc.abstractmethod
     def reference_load(self, gap: Gap) -> Scalar:
-        """A, force over length, N/m."""
+        """Return A, a force per length, N/m."""
 
     @abc.abstractmethod
     def constant(self) -> float:
-        """k."""
+        """Return k."""
 
     def _flatness(self) -> Scalar:
-        """S = 1/(pi E*), 1/Pa."""
+        """Return S = 1/(pi E*), 1/Pa."""
         return self.compliance() / jnp.pi
 
     def deepest(self, gap: Gap) -> Scalar:
-        """The largest penetration that the formula has, m."""
+        """Return the largest penetration of the formula, m."""
         return self.reference_load(gap) * np.exp(self.constant() - 1.0) * self._flatness()
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Force over length, N/m, at a depth below the largest."""
+        """Return the force per length, N/m, at a depth below the largest penetration."""
         return depth / (self._flatness() * inverse_of_load(depth / self.deepest(gap)))
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """P delta less the integral of the penetration over the load, J/m."""
+        """Return P delta minus the integral of the penetration over the load, J/m."""
         u = inverse_of_load(depth / self.deepest(gap))
         return (depth / u) ** 2 * (0.5 * u - 0.25) / self._flatness()
 
@@ -71,18 +72,18 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
-    >>> cylinder = cj.JohnsonCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     1032 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
-        """4 pi E* dR, N/m."""
+        """Return 4 pi E* dR, N/m."""
         return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
 
     def constant(self) -> float:
-        """-1."""
+        """Return -1."""
         return -1.0
 
 
@@ -91,43 +92,43 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
-    >>> cylinder = cj.EsduCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.EsduCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     776 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
-        """4 pi E* dR, N/m."""
+        """Return 4 pi E* dR, N/m."""
         return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
 
     def constant(self) -> float:
-        """1."""
+        """Return 1."""
         return 1.0
 
 
 class RadzimovskyCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] with b = 1.60 sqrt(P R/E*) and the
-    relative radius R = R_i R_j/dR (E. I. Radzimovsky 1953), as it is printed.
+    r"""delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] (E. I. Radzimovsky 1953).
 
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
-    Roark's 1.60 goes with diameters: with 2.26 in its place the penetration is smaller by
+    R = R_i R_j/dR is the relative radius. The formula is used as printed. The factor 1.60 in
+    Roark's handbook refers to diameters; with 2.26 the penetration would be smaller by
     P/(pi E*) ln 2.
 
-    >>> cylinder = cj.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     888 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
-        """16 E* dR/1.60^2, N/m."""
+        """Return 16 E* dR/1.60^2, N/m."""
         return 6.25 * radii_of(gap)[2] / self.compliance()
 
     def constant(self) -> float:
-        """2/3."""
+        """Return 2/3."""
         return 2.0 / 3.0
 
 
@@ -136,18 +137,18 @@ class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
-    >>> cylinder = cj.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     775 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
-        """L^2 dR/(R_i R_j S), N/m."""
+        """Return L^2 dR/(R_i R_j S), N/m."""
         return _load_by_length(self.length, gap, self._flatness())
 
     def constant(self) -> float:
-        """1."""
+        """Return 1."""
         return 1.0
 
 
@@ -157,21 +158,21 @@ class GoldsmithCylinder(AbstractLogarithmicCylinder):
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
     R_j}{\Delta R}$$
 
-    The exponent of L is printed as 1, which no units make sense of. With 3 the law is that of
-    Dubowsky and Freudenstein.
+    The exponent of L is printed as 1, which is dimensionally inconsistent. With 3, used here, the
+    law equals that of Dubowsky and Freudenstein.
 
-    >>> cylinder = cj.GoldsmithCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> cylinder = cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     775 N
     """
 
     def reference_load(self, gap: Gap) -> Scalar:
-        """L^2/(R S), N/m."""
+        """Return L^2/(R S), N/m."""
         return _load_by_length(self.length, gap, self._flatness())
 
     def constant(self) -> float:
-        """1."""
+        """Return 1."""
         return 1.0
 
 

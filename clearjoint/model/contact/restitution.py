@@ -1,7 +1,7 @@
-"""The restitution that a Hunt-Crossley-like law delivers, and the factor that delivers one.
+"""Delivered restitution of Hunt-Crossley laws, and the damping factor that delivers a given one.
 
-From v dv = -(f(delta)/m) (1 + chi v/v0) d(delta) over both phases of a free impact follows, for any
-elastic force f, mass and entry speed, chi (1 + e) = ln[(1 + chi)/(1 - chi e)].
+Integrating v dv = -(f(delta)/m) (1 + chi v/v0) d(delta) over both phases of a free impact gives chi
+(1 + e) = ln[(1 + chi)/(1 - chi e)], for any elastic force f, mass and entry speed.
 """
 
 import jax
@@ -13,32 +13,31 @@ from jaxtyping import ArrayLike, Float
 from ...math.vectors import Scalar
 
 _SERIES_BELOW = 1e-5
-"""Damping factor below which e = 1 - 2 chi/3 is closer than the rounded root."""
+"""Damping factor below which e = 1 - 2 chi/3 is more accurate than the rounded root."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 _MOST_STEPS = 32
-"""Newton's method takes five from its start, for every damping factor."""
+"""Step limit of Newton's method, which needs five steps for every damping factor."""
 
 
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
-    r"""Rebound speed over entry speed of a free impact.
+    r"""Return rebound speed over entry speed of a free impact.
 
     $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
 
     **Arguments:** `damping_factor`: chi of F = K delta^n (1 + chi rate/entry speed), not negative;
     a number or an array of any shape.
 
-    **Returns:** the e of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], in (0, 1], of the same shape;
-    differentiable.
+    **Returns:** the solution e in (0, 1], of the same shape; differentiable.
 
-    >>> print(f"{cj.delivered_restitution(0.3):.4f}")  # HuntCrossley(restitution=0.8) asks for more
+    >>> print(f"{cj.laws.delivered_restitution(0.3):.4f}")
     0.8329
     """
-    return _of_each(jnp.asarray(damping_factor, dtype=float))
+    return _solve_restitution(jnp.asarray(damping_factor, dtype=float))
 
 
 @jnp.vectorize
-def _of_each(damping_factor: jax.Array) -> jax.Array:
-    """The relation solved for y = -ln(1 - chi e), which stays exact where chi e rounds to one."""
+def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
+    """Solve for y = -ln(1 - chi e), which stays exact where chi e rounds to one."""
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -51,26 +50,26 @@ def _of_each(damping_factor: jax.Array) -> jax.Array:
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
-    """y - 1 + exp(-y) = chi - ln(1 + chi): rising and convex, so that Newton's method converges."""
+    """Return y - 1 + exp(-y) - loss, which is increasing and convex: Newton's method converges."""
     return y + jnp.expm1(-y) - loss
 
 
 _SERIES_TERMS = 18
 _SERIES_WITHIN = 0.1
 _EXACT_STEPS = 5
-"""Of Newton's method; four leave rounding alone for every restitution between 1e-6 and 1."""
+"""Steps of Newton's method; four reach rounding accuracy for restitutions between 1e-6 and 1."""
 
 
 def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
-    """The damping factor with which a free impact delivers a restitution.
+    """Return the damping factor with which a free impact delivers a restitution.
 
     **Arguments:** `restitution`: e in (0, 1].
 
-    **Returns:** the chi of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], zero for e = 1 and nearly 1/e
-    for small e; differentiable.
+    **Returns:** the solution chi of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], zero for e = 1 and
+    approximately 1/e for small e; differentiable.
 
-    >>> chi = cj.exact_damping_factor(0.8)
-    >>> print(f"{cj.delivered_restitution(chi):.6f}")
+    >>> chi = cj.laws.exact_damping_factor(0.8)
+    >>> print(f"{cj.laws.delivered_restitution(chi):.6f}")
     0.800000
     """
     e = jnp.asarray(restitution, dtype=float)
@@ -79,14 +78,15 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
 
 @jax.custom_jvp
 def _logarithm(e: Scalar) -> Scalar:
-    """y = -ln(1 - chi e), which tells chi where chi e rounds to one."""
-    near = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
+    """Return y = -ln(1 - chi e), which determines chi even where chi e rounds to one."""
+    # Start from the factor of Carvalho and Martins, or from the asymptote for small e.
+    approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
-        e > 0.4, -jnp.log1p(-jnp.minimum(near * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
+        e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
     )
 
     def step(_: int, y: Scalar) -> Scalar:
-        value, slope = jax.jvp(lambda y: _exactly(y, e), (y,), (jnp.ones_like(y),))
+        value, slope = jax.jvp(lambda y: _relation(y, e), (y,), (jnp.ones_like(y),))
         return y - value / slope
 
     return jax.lax.fori_loop(0, _EXACT_STEPS, step, start)
@@ -96,19 +96,22 @@ def _logarithm(e: Scalar) -> Scalar:
 def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
     (e,), (along,) = primals, tangents
     y = _logarithm(e)
-    by_y = jax.grad(_exactly)(y, e)
-    by_e = jax.grad(_exactly, argnums=1)(y, e)
+    by_y = jax.grad(_relation)(y, e)
+    by_e = jax.grad(_relation, argnums=1)(y, e)
     return y, -by_e / by_y * along
 
 
-def _exactly(y: Scalar, e: Scalar) -> Scalar:
-    """The relation without its root at chi = 0: zero for y = -ln(1 - chi e), and rising with y."""
+def _relation(y: Scalar, e: Scalar) -> Scalar:
+    """Return a residual that increases with y and is zero for y = -ln(1 - chi e), chi > 0.
+
+    The trivial root chi = 0 of the relation is divided out.
+    """
     loss = -jnp.expm1(-y)
     return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
 
 
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
-    """sqrt(2 (x - ln(1 + x)))/|x| of x > -1 and the logarithm, without cancellation near zero."""
+    """Return sqrt(2 (x - ln(1 + x)))/|x| for x > -1 and its logarithm, accurate near zero."""
     near = jnp.abs(x) < _SERIES_WITHIN
     small = jnp.where(near, x, 0.0)
     large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)
@@ -117,4 +120,4 @@ def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
 
 
 _COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(_SERIES_TERMS)][::-1])
-"""Of 2 (x - ln(1 + x))/x^2 in powers of x, the highest first."""
+"""Power series of 2 (x - ln(1 + x))/x^2, highest power first."""

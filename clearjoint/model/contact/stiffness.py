@@ -1,6 +1,5 @@
-"""The elastic force of a contact: a power of the penetration with a generalised stiffness, given or
-from materials and radii, or another function of it.
-"""
+"""Elastic contact force: a power of the penetration with a given or computed stiffness, or
+another function."""
 
 import abc
 import math
@@ -8,85 +7,89 @@ import math
 import jax.numpy as jnp
 
 from ...fields.conversion import AbstractConverting
-from ...fields.declarations import quantity
+from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
 from ...math.vectors import Scalar
 from .gap import Gap
 from .limits import Limit
-from .materials import AbstractMaterialPair
 
 SOFTEST_CONTACT = 1e6
-"""Generalised stiffness, N/m^n, below which a newton presses the surfaces together by a tenth of a
-millimetre."""
+"""Generalised stiffness, N/m^n, below which a warning is issued."""
+SOLIDS = 1e9, 2e12
+"""Usual range of Young's modulus, Pa, from plastics to diamond."""
+_GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 
 
 class AbstractElasticity(AbstractConverting):
-    """The elastic force of a contact against its penetration, and the energy that it stores.
+    """The elastic force of a contact as a function of its penetration, and its stored energy.
 
-    >>> foundation = cj.LiuCylinder(207e9, 0.3, length=10e-3)  # is one
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> print(f"{foundation.force(gap, exponent=1.5):.0f} N")
     126 N
     """
 
     @abc.abstractmethod
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """Elastic force in N, zero without penetration; `exponent` is the law's."""
+        """Return the elastic force, N, zero without penetration.
+
+        `exponent` is the exponent n of the law.
+        """
 
     @abc.abstractmethod
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """The force's integral over the penetration, J."""
+        """Return the integral of the force over the penetration, J."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Whether the force is known to have no slope where the penetration begins."""
+        """Return whether the force is known to start with zero slope."""
         del exponent
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """What of a gap it holds for, if not for all."""
+        """Return the validity limits at a gap; none by default."""
         del gap
         return ()
 
 
 class AbstractStiffness(AbstractElasticity):
-    """The generalised stiffness K of a law, whose elastic force is K delta^n.
+    """The generalised stiffness K of a law with the elastic force K delta^n.
 
     ```python
     import clearjoint as cj
 
-    class LinerStiffness(cj.AbstractStiffness):
+    class LinerStiffness(cj.extend.AbstractStiffness):
         modulus: float  # Pa
         thickness: float  # m
 
         def value(self, gap):
             return self.modulus * gap.bearing_radius / self.thickness
 
-    law = cj.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
+    law = cj.laws.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
     ```
     """
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
-        """The stiffness K in N/m^n for the radii of a gap."""
+        """Return the stiffness K in N/m^n for the radii of a gap."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """For an exponent that is a Python number above one."""
+        """Return whether the exponent is a Python number above one."""
         return isinstance(exponent, int | float) and exponent > 1.0
 
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """K delta^n, N."""
+        """Return K delta^n, N."""
         return self.value(gap) * positive_power(gap.depth, exponent)
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """K delta^(n+1)/(n+1), J."""
+        """Return K delta^(n+1)/(n+1), J."""
         return self.value(gap) * positive_power(gap.depth, exponent + 1) / (exponent + 1)
 
 
 class GivenStiffness(AbstractStiffness):
-    """A stiffness known from elsewhere, N/m^n.
+    """An explicit constant stiffness, N/m^n.
 
-    >>> cj.GivenStiffness(1e9).value(cj.Gap(depth=1e-6, rate=0.0)).item()
+    >>> cj.laws.GivenStiffness(1e9).value(extend.Gap(depth=1e-6, rate=0.0)).item()
     1000000000.0
     """
 
@@ -95,8 +98,32 @@ class GivenStiffness(AbstractStiffness):
     )
 
     def value(self, gap: Gap) -> Scalar:
-        """The stiffness K in N/m^n, the same for every gap."""
+        """Return the stiffness K, N/m^n."""
         return self.stiffness
+
+
+class AbstractMaterialPair(AbstractConverting):
+    """Young's moduli in Pa and Poisson's ratios of bearing and journal.
+
+    The journal's values default to the bearing's.
+    """
+
+    young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
+    poisson_ratio: Single = quantity("1", within=(-1.0, 0.5), remedy="give nu of the material")
+    journal_young_modulus: Single | None = optional_quantity(
+        "Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS
+    )
+    journal_poisson_ratio: Single | None = optional_quantity(
+        "1", within=(-1.0, 0.5), remedy="give nu of the material"
+    )
+
+    def compliance(self) -> Scalar:
+        """Return the sum of (1 - nu^2)/E of both bodies, 1/Pa: the inverse contact modulus 1/E*."""
+        modulus = self.journal_young_modulus
+        ratio = self.journal_poisson_ratio
+        modulus = self.young_modulus if modulus is None else modulus
+        ratio = self.poisson_ratio if ratio is None else ratio
+        return (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus
 
 
 class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
@@ -104,24 +131,25 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
-    K = 4/(3 (s_i + s_j)) sqrt(R_i R_j/(R_i - R_j)) with s = (1 - nu^2)/E. It follows the radii, so
-    that a swept clearance changes it.
+    The stiffness depends on the radii, and so changes with the clearance.
 
-    **Arguments:** Young's moduli in Pa and Poisson's ratios of bearing and journal; the journal's
-    are the bearing's unless given.
+    **Arguments:**
 
-    >>> gap = cj.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
-    >>> print(f"{cj.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")  # the paper's, of Table 2
+    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
+
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
     6.61e+10 N/m^1.5
     """
 
     def value(self, gap: Gap) -> Scalar:
-        """The stiffness K in N/m^1.5, by the radii of bearing and journal."""
+        """Return the stiffness K in N/m^1.5 for the radii of a gap."""
         assert gap.bearing_radius is not None and gap.clearance is not None
         radii = gap.bearing_radius * gap.journal_radius
         return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(radii / gap.clearance)
 
 
 def as_stiffness(value: object) -> AbstractElasticity:
-    """The elasticity given, or a `GivenStiffness` of a number in N/m^n."""
+    """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`."""
     return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)

@@ -1,10 +1,9 @@
-"""Friction that falls with the slip speed from its breakaway value, after R. Stribeck 1902.
+"""Friction that decreases with the slip speed from a breakaway value (R. Stribeck 1902).
 
-All regularise Coulomb's jump at rest, so that they creep under load; bristle laws, in `.bristles`,
-hold it.
+These laws regularise Coulomb's jump at zero speed, so that a contact creeps under load. The bristle
+laws in `.bristles` stick.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.checks import as_shown, checkable, require
@@ -16,7 +15,7 @@ from .friction import AbstractFriction
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Check that friction does not rise from breakaway to kinetic friction."""
+    """Check that the breakaway coefficient is not smaller than the kinetic coefficient."""
     if (known := checkable(breakaway, kinetic)) is not None:
         slow, fast = known
         require(
@@ -29,10 +28,10 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 
 
 class AbstractFallingFriction(AbstractFriction):
-    """Friction that falls from a breakaway coefficient mu_S to a kinetic one mu_C."""
+    """Friction that falls from a breakaway coefficient mu_S to a kinetic coefficient mu_C."""
 
-    breakaway: eqx.AbstractVar[Single]
-    kinetic: eqx.AbstractVar[Single]
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
 
     def _check_together(self) -> None:
         require_breakaway(self.breakaway, self.kinetic)
@@ -43,19 +42,20 @@ class Stribeck(AbstractFallingFriction):
 
     $$\mu(v) = \left(\mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^\delta}\right) \tanh\frac{v}{v_d}$$
 
-    The term k v that is often added is no multiple of the normal force: give it as a damper.
+    The viscous term k v that is often added doesn't depend on the normal force: use a damper.
 
-    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
-    `stribeck_speed` v_S, m/s; `exponent` delta, at least 1; `regularisation_speed` v_d, m/s, well
-    below v_S: where it is not, friction peaks below mu_S.
+    **Arguments:**
 
-    >>> friction = cj.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `stribeck_speed`: v_S, m/s.
+    - `exponent`: delta, at least 1.
+    - `regularisation_speed`: v_d, m/s, well below v_S; otherwise the peak is below mu_S.
+
+    >>> friction = cj.frictions.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
     0.1368
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
     exponent: Single = quantity("1", default=2.0, positive=True, remedy="give delta, 2 say")
     regularisation_speed: Single = quantity(
@@ -75,36 +75,35 @@ class Stribeck(AbstractFallingFriction):
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """The Stribeck curve, regularised at rest."""
+        """Return the Stribeck curve, regularised at zero speed."""
         fade = jnp.exp(-positive_power(slip_speed / self.stribeck_speed, self.exponent))
         curve = self.kinetic + (self.breakaway - self.kinetic) * fade
         return curve * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
 class BengisuAkay(AbstractFallingFriction):
-    r"""A parabola up to mu_S at the speed v0, then an exponential down to mu_C (M. T. Bengisu,
-    A. Akay 1994).
+    r"""A parabola up to mu_S at v0, then an exponential decay (M. T. Bengisu, A. Akay 1994).
 
     $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
 
-    mu_S (1 - (1 - v/v0)^2) below v0, mu_C + (mu_S - mu_C) exp(-xi (v - v0)) beyond: continuous,
-    with a kink at v0.
+    Below v0 it is mu_S (1 - (1 - v/v0)^2). The curve is continuous with a kink at v0.
 
-    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
-    `breakaway_speed` v0, m/s; `decay` xi, s/m.
+    **Arguments:**
 
-    >>> friction = cj.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `breakaway_speed`: v0, m/s.
+    - `decay`: xi, s/m.
+
+    >>> friction = cj.frictions.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
     0.2000, 0.1000
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     breakaway_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give v0 in m/s")
     decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """The parabola below v0, the exponential beyond."""
+        """Return the parabola below v0 and the exponential above."""
         x = jnp.minimum(slip_speed / self.breakaway_speed, 1.0)
         beyond = jnp.maximum(slip_speed - self.breakaway_speed, 0.0)
         fall = (self.breakaway - self.kinetic) * jnp.expm1(-self.decay * beyond)
@@ -112,28 +111,29 @@ class BengisuAkay(AbstractFallingFriction):
 
 
 class BrownMcPhee(AbstractFallingFriction):
-    r"""mu_C tanh(4 v/v_t) + (mu_S - mu_C) (v/v_t)/((v/2v_t)^2 + 3/4)^2 (P. Brown, J. McPhee
-    2016): smooth everywhere. The second part peaks at mu_S - mu_C where v = v_t.
+    r"""A curve that is smooth everywhere (P. Brown, J. McPhee 2016).
 
     $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
     v_t)^2 + \frac{3}{4}\right)^2}$$
 
-    **Arguments:** `breakaway` mu_S and `kinetic` mu_C, the former at least the latter;
-    `transition_speed` v_t, m/s.
+    The second term has its maximum mu_S - mu_C at v = v_t.
 
-    >>> friction = cj.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `transition_speed`: v_t, m/s.
+
+    >>> friction = cj.frictions.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
     0.1999, 0.1000
     """
 
-    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
-    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
     transition_speed: Single = quantity(
         "m/s", default=1e-3, positive=True, remedy="give v_t in m/s"
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Coulomb's part and the peak at the transition speed."""
+        """Return the sum of the Coulomb term and the peak at the transition speed."""
         x = slip_speed / self.transition_speed
         peak = (self.breakaway - self.kinetic) * x / (0.25 * x**2 + 0.75) ** 2
         return self.kinetic * jnp.tanh(4.0 * x) + peak

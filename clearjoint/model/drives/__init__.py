@@ -1,1 +1,1 @@
-"""What moves joints: prescribed angles and distances, functions of time, torques, motors."""
+"""Elements that drive joints: prescribed motions, functions of time, torques and motors."""

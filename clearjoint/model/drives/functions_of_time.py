@@ -1,4 +1,4 @@
-"""Functions of time that drives follow: polynomials, splines through tables, and one's own."""
+"""Functions of time for drives and loads: polynomials, splines, and user-defined functions."""
 
 import abc
 from collections.abc import Callable
@@ -19,16 +19,16 @@ from ...math.vectors import Scalar
 
 
 class AbstractFunctionOfTime(AbstractConverting):
-    """A function of time in s, that JAX can differentiate twice, with its numbers.
+    """A function of time in s that JAX can differentiate twice.
 
-    Its unit is that of what follows it. `jumps` tells whether it may jump, which a torque or a load
-    may, and no angle.
+    Its unit is that of the quantity it prescribes. The class attribute `jumps` states whether it
+    may jump; functions for torques and loads may, functions for angles may not.
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Oscillation(cj.AbstractFunctionOfTime):
+    class Oscillation(cj.extend.AbstractFunctionOfTime):
         amplitude: float
         frequency: float  # rad/s
 
@@ -43,15 +43,15 @@ class AbstractFunctionOfTime(AbstractConverting):
 
     @abc.abstractmethod
     def __call__(self, t: Scalar) -> Scalar:
-        """The value at a time in s."""
+        """Return the value at a time in s."""
 
     def breakpoints(self) -> PyTree:
-        """Times in s of its kinks and jumps, as an element's own `breakpoints`; none by default."""
+        """Return the times of its kinks and jumps in s, as for an element; none by default."""
         return ()
 
 
 class _PlainFunction(AbstractFunctionOfTime):
-    """A Python function: part of the program, without numbers of its own."""
+    """A Python function: part of the compiled program, without parameters."""
 
     function: Callable[[jax.Array], Scalar] = eqx.field(static=True)
 
@@ -60,12 +60,13 @@ class _PlainFunction(AbstractFunctionOfTime):
 
 
 class Polynomial(AbstractFunctionOfTime):
-    """The sum of coefficients times powers of the time, lowest first: (2.0,) is constant, and
-    (0.1, 50.0) begins at 0.1 and grows by 50 a second.
+    """A polynomial in time, with the lowest power first.
 
-    **Arguments:** `coefficients`: (N,), of one's unit by powers of s.
+    (2.0,) is constant; (0.1, 50.0) is 0.1 + 50 t.
 
-    **Raises:** `ValueError` for coefficients that are not a row of finite numbers.
+    **Arguments:** `coefficients`: (N,), in the unit of the quantity over powers of s.
+
+    **Raises:** `ValueError` if the coefficients are not a row of finite numbers.
 
     >>> cj.Polynomial((0.1, 50.0))(2.0).item()  # 0.1 + 50 t
     100.1
@@ -80,7 +81,7 @@ class Polynomial(AbstractFunctionOfTime):
         require_finite("coefficients", self.coefficients)
 
     def __call__(self, t: Scalar) -> Scalar:
-        """The value at a time in s."""
+        """Return the value at a time in s."""
         value: Scalar = 0.0
         for k in reversed(range(self.coefficients.shape[0])):
             value = value * t + self.coefficients[k]
@@ -88,16 +89,19 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class Spline(AbstractFunctionOfTime):
-    """Cubic polynomials between the times of a table, with its values and rates there.
+    """Cubic Hermite polynomials between the times of a table of values and rates.
 
-    `Spline.through(times, values)` finds the rates by which curvature is continuous and zero at the
-    ends. Before the first time and after the last the function goes on along its tangent.
+    `Spline.through(times, values)` computes the rates for continuous curvature that is zero at the
+    ends. Outside the table the function continues along its tangent.
 
-    **Arguments:** `times` (N,) in s, rising; `values` (N,) and `rates` (N,) a second; of a force
-    both may be (N, 3).
+    **Arguments:**
 
-    **Raises:** `ValueError` for rows of different lengths, of fewer than two or unlike finite
-    numbers, and for times that do not rise.
+    - `times`: (N,) s, increasing.
+    - `values`: (N,), or (N, 3) for a force.
+    - `rates`: the same shape, per second.
+
+    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
+    is not finite, or the times are not increasing.
 
     >>> spline = cj.Spline.through([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
     >>> print(f"{spline(1.0):.1f}, {spline(0.5):.4f}")
@@ -111,16 +115,16 @@ class Spline(AbstractFunctionOfTime):
     def __check_init__(self):
         require_rising(self.times)
         require_rows("values", self.values, np.shape(self.times))
-        alike = f"of the shape {np.shape(self.values)} of `values`"
+        expected = f"of the shape {np.shape(self.values)} of `values`"
         rates = np.shape(self.rates)
-        require(rates == np.shape(self.values), "rates", rates, alike, "give one a value")
+        require(rates == np.shape(self.values), "rates", rates, expected, "give one per value")
         require_finite("rates", self.rates)
 
     @staticmethod
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
-        """The natural cubic spline through a table (SciPy's `CubicSpline`).
+        """Return the natural cubic spline through a table (SciPy's `CubicSpline`).
 
-        **Arguments:** `times` (N,) in s, rising; `values` (N,), or (N, 3) of a force.
+        **Arguments:** `times`: (N,) s, increasing. `values`: (N,), or (N, 3) for a force.
         """
         from scipy.interpolate import CubicSpline
 
@@ -131,28 +135,29 @@ class Spline(AbstractFunctionOfTime):
         return Spline(times, values, spline(times, 1))
 
     def __call__(self, t: Scalar) -> Scalar:
-        """The value at a time in s."""
+        """Return the value at a time in s."""
         times, values, rates = map(on_device, (self.times, self.values, self.rates))
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        length, within = times[k + 1] - times[k], jnp.clip(t, times[0], times[-1])
+        length, inside = times[k + 1] - times[k], jnp.clip(t, times[0], times[-1])
         start, end = (Slope(values[j], rates[j]) for j in (k, k + 1))
-        value = hermite_value((within - times[k]) / length, start, end, length)
+        value = hermite_value((inside - times[k]) / length, start, end, length)
+        # Outside the table the Hermite value is that of the end, and the tangent continues it.
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
 
     def breakpoints(self) -> PyTree:
-        """None: where its pieces meet, curvature is continuous."""
+        """Return none: a natural spline has continuous curvature."""
         return ()
 
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
-"""A function of time as it is given."""
+"""Types that users may pass as a function of time."""
 
 
 def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
-    """A function of time as elements store it.
+    """Convert a number or Python function to an `AbstractFunctionOfTime`.
 
-    **Raises:** `ValueError` for what is neither a number nor a function.
+    **Raises:** `ValueError` if the value is neither a number nor a function.
     """
     if isinstance(value, AbstractFunctionOfTime):
         return value
@@ -168,26 +173,26 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 
 
 def require_rising(times: ArrayLike) -> None:
-    """Check times, s, to rise."""
+    """Check that times, s, are increasing."""
     shape = np.shape(times)
-    remedy = "pass two at least, sorted, none of them twice"
-    require(len(shape) == 1 and shape[0] > 1, "times", shape, "two times or more, in a row", remedy)
+    remedy = "pass at least two times, sorted and without duplicates"
+    require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
     require_finite("times", times)
     if (known := checkable(times)) is not None:
         (numbers,) = known
-        require((numbers[1:] > numbers[:-1]).all(), "times", numbers, "rising", remedy)
+        require((numbers[1:] > numbers[:-1]).all(), "times", numbers, "increasing", remedy)
 
 
 def require_continuous(function: AbstractFunctionOfTime) -> None:
-    """Check a function that an angle or a distance follows not to jump."""
-    remedy = "take PiecewiseLinear(times, values), or Spline.through(times, values)"
+    """Check that a function that prescribes an angle or a distance doesn't jump."""
+    remedy = "use PiecewiseLinear(times, values) or Spline.through(times, values)"
     kind = type(function).__name__
     require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
 
 
 def require_rows(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Check for a finite number, or three, at each of the times."""
-    given, remedy = np.shape(values), "give one a time, or three of a force"
+    """Check that values have one finite number, or three, for each of the times."""
+    given, remedy = np.shape(values), "give one value per time, or three for a force"
     expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
     require(given in (shape, (*shape, 3)), argument, given, expected, remedy)
     require_finite(argument, values)

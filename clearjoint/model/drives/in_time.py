@@ -1,5 +1,5 @@
-"""Numbers of an element that may change with time: a number or a function of time; three numbers,
-each of them such, or a function of time that gives all three."""
+"""Fields of elements that may change with time: numbers or vectors, constant or functions of
+time."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,14 +17,15 @@ from ...math.vectors import Scalar, Vector
 from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
 
 SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
-"""A number, or a function of time."""
+"""A number or a function of time."""
 TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, ...]
-"""Three numbers, each of them a number or a function of time, or a function that gives three."""
-WAYS = "PiecewiseConstant, PiecewiseLinear or Spline.through for a table, or a function of the time"
+"""Three components, each a number or a function of time, or one function that returns three
+numbers."""
+ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a function of time"
 
 
 class _PlainVectorFunction(AbstractFunctionOfTime):
-    """A Python function that gives three numbers: part of the program."""
+    """A Python function that returns three numbers: part of the compiled program."""
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
@@ -33,26 +34,26 @@ class _PlainVectorFunction(AbstractFunctionOfTime):
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """A field of a number in a unit, or of a function of time that gives it."""
+    """Return a field for a number in a unit, or a function of time."""
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """A field of three numbers in a unit, each of which may be a function of time."""
+    """Return a field for three numbers in a unit, each of which may be a function of time."""
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """A number or a function of time as elements store it."""
+    """Convert a number or a function of time to the stored form."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Three numbers or functions of time as elements store them."""
+    """Convert three numbers or functions of time to the stored form."""
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
@@ -63,25 +64,24 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
 
 def value_at(given: SingleInTime, t: Scalar) -> Scalar:
-    """What a number in time is at a time, s."""
+    """Return the value of a number or function of time at a time, s."""
     if not isinstance(given, AbstractFunctionOfTime):
         return given
     value = given(t)
     shape = _shape(value)
-    require(
-        shape == (), "function", shape, "a function of time that gives one number", f"pass {WAYS}"
-    )
+    expected = "a function of time that returns one number"
+    require(shape == (), "function", shape, expected, f"pass {ALTERNATIVES}")
     return value
 
 
 def vector_at(given: PyTree, t: Scalar) -> Vector:
-    """What three numbers in time (in scalar form) are at a time, s."""
+    """Return the vector of three numbers or functions of time (in scalar form) at a time, s."""
     if isinstance(given, Vector):
         return given
     if isinstance(given, tuple):
         return Vector(*(value_at(part, t) for part in given))
     parts = given(t)
-    shape, expected = _shape(parts), "a function of time that gives three numbers"
+    shape, expected = _shape(parts), "a function of time that returns three numbers"
     remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
     require(shape == (3,), "function", shape, expected, remedy)
     return Vector(*(parts[k] for k in range(3)))
@@ -92,18 +92,18 @@ def _shape(value: PyTree) -> tuple[int, ...]:
 
 
 def breakpoints_of(*given: PyTree) -> PyTree:
-    """The breakpoints of all functions of time among numbers in time, s."""
-    parts = [p for one in given for p in (one if isinstance(one, tuple) else (one,))]
+    """Return the breakpoints of all functions of time among the given fields, s."""
+    parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
 
 
 def _require_single(unit: str, argument: str, value: PyTree) -> None:
     if not isinstance(value, AbstractFunctionOfTime):
-        require_shape(argument, value, (), f"pass a single number in {unit}, {WAYS}")
+        require_shape(argument, value, (), f"pass a single number in {unit}, {ALTERNATIVES}")
 
 
 def _require_triple(unit: str, argument: str, value: PyTree) -> None:
-    remedy = f"pass three components in {unit}, each of them a number or a function of time"
+    remedy = f"pass three components in {unit}, each a number or a function of time"
     if isinstance(value, tuple):
         require(len(value) == 3, argument, f"{len(value)} components", "three components", remedy)
         for part in value:

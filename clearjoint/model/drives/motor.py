@@ -1,4 +1,4 @@
-"""A motor under control."""
+"""A motor with proportional and derivative control."""
 
 import math
 
@@ -9,28 +9,26 @@ from jaxtyping import PyTree
 
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.smoothing import ramp
 from ...math.vectors import Scalar
 from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
 from .rotation import AbstractDriveTorque
 
 ROUNDING = 0.02
-"""Of the torque limit, on either side of it: where the torque bends into it."""
+"""Half-width of the smooth transition to the torque limit, as a fraction of the limit."""
 SI = "give it in SI units"
 
 
 class Motor(AbstractDriveTorque):
-    """A motor that follows an angle by a proportional and derivative (PD) control, up to a limit of
-    its torque.
+    """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
 
-    The torque is proportional (target - angle) + derivative (target's rate - speed), clipped to
-    the limit either way. Around the limit it bends into it by a parabola, over a fiftieth of the
-    limit to both sides, so that its derivatives are continuous and steps stay long; everywhere else
-    the clipping is exact.
+    The torque is proportional (target - angle) + derivative (target's rate - speed), limited in
+    both directions. Within 2 % of the limit a parabola replaces the kink, so that derivatives are
+    continuous and steps stay long; elsewhere the limit is exact.
 
-    The angle's error counts within half a turn either way. For the control of a speed, whatever
-    the angle, `proportional` is zero and the target `Polynomial((0.0, speed))`.
+    The angle's error is taken within half a revolution. To control a speed regardless of the angle,
+    set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
 
     ```python
     import clearjoint as cj
@@ -38,17 +36,18 @@ class Motor(AbstractDriveTorque):
     target = cj.Polynomial((0.0, 50.0))  # 50 rad/s
     axis = (0, 0, 1)
     motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as `PrescribedRotation`.
-    - `target`: the angle in rad to be followed: a number, or a function as of `PrescribedAngle`.
-    - `proportional` N m/rad and `derivative` N m s/rad: the gains, not negative.
-    - `torque_limit`: N m, positive; ``None`` if there is no limit.
+    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
+    - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
+    - `torque_limit`: N m, positive; ``None`` for no limit.
 
-    **Raises:** `ValueError` for values that no motor can have, and what is no function of time.
+    **Raises:** `ValueError` if a value is outside its range, or the target is not a function of
+    time.
     """
 
     first: str = eqx.field(static=True)
@@ -78,7 +77,7 @@ class Motor(AbstractDriveTorque):
         self.torque_limit = torque_limit
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The control's torque within the limit, N m."""
+        """Return the control torque within the limit, N m."""
         t = jnp.asarray(t, dtype=float)
         target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
         error = wrapped(target - angle, 2.0 * math.pi)
@@ -86,11 +85,11 @@ class Motor(AbstractDriveTorque):
         return torque if self.torque_limit is None else _clipped(torque, self.torque_limit)
 
     def breakpoints(self) -> PyTree:
-        """Those of the target, s."""
+        """Return the breakpoints of the target, s."""
         return self.target.breakpoints()
 
 
 def _clipped(value: Scalar, limit: Scalar) -> Scalar:
-    """The value within a limit either way, rounded where it meets the limit."""
+    """Return the value limited in both directions, with smooth transitions."""
     width = ROUNDING * limit
     return value - ramp(value - limit, width) + ramp(-value - limit, width)

@@ -1,4 +1,4 @@
-"""Functions of time by tables without rounding: steps, and straight lines between points."""
+"""Functions of time from tables: piecewise constant and piecewise linear."""
 
 from typing import ClassVar
 
@@ -14,25 +14,27 @@ from .functions_of_time import AbstractFunctionOfTime, require_rising, require_r
 
 
 class PiecewiseConstant(AbstractFunctionOfTime):
-    """The value of the latest time of a table: a torque or a load that is switched.
+    """A step function from a table, for torques and loads that are switched.
 
-    From each time on the value beside it holds, up to the next; the first one before it too, and
-    the last for ever. The times of the switches are `breakpoints` by themselves, and may be
-    parameters: a step ends at each, and derivatives have the jump's own term.
+    Each value holds from its time until the next; the first value also holds before the first time,
+    the last value after the last time. The times are declared as `breakpoints` and may be
+    parameters: steps end there, and derivatives include the effect of each jump.
 
     ```python
     import clearjoint as cj
 
     torque = cj.PiecewiseConstant([0.0, 0.2, 0.3], [2.0, -1.0, 0.0])  # N m, switched at 0.2, 0.3 s
     motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
 
-    **Arguments:** `times` (N,) in s, rising; `values` (N,), or (N, 3) of a force, in the SI unit of
-    what follows them.
+    **Arguments:**
 
-    **Raises:** `ValueError` for rows of different lengths, of numbers that are not finite, and for
-    times that do not rise.
+    - `times`: (N,) s, increasing.
+    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+
+    **Raises:** `ValueError` if the arrays have different lengths, a number is not finite, or the
+    times are not increasing.
     """
 
     times: Column = quantity("s", table=True)
@@ -44,21 +46,21 @@ class PiecewiseConstant(AbstractFunctionOfTime):
         require_rows("values", self.values, np.shape(self.times))
 
     def __call__(self, t: Scalar) -> Scalar:
-        """The value at a time in s."""
+        """Return the value at a time in s."""
         times, values = on_device(self.times), on_device(self.values)
         return values[jnp.maximum(jnp.searchsorted(times, t, side="right") - 1, 0)]
 
     def breakpoints(self) -> PyTree:
-        """The times at which it switches, s."""
+        """Return the switching times, s."""
         return self.times[1:]
 
 
 class PiecewiseLinear(AbstractFunctionOfTime):
-    """Straight lines between the points of a table: ramps, trapezoids.
+    """Linear interpolation of a table, such as ramps and trapezoids.
 
-    Before the first time the first value holds, after the last the last. Every time of the table is
-    one of the `breakpoints` by itself, so that a step ends there: for a densely measured signal
-    `Spline.through(times, values)` takes fewer.
+    The first value holds before the first time, the last value after the last time. All times are
+    declared as `breakpoints`, so that a step ends at each: for a densely sampled signal
+    `Spline.through(times, values)` needs fewer steps.
 
     ```python
     import clearjoint as cj
@@ -67,10 +69,12 @@ class PiecewiseLinear(AbstractFunctionOfTime):
     forces = {"push": cj.AppliedLoad("arm", force=(0.0, ramp, 0.0))}
     ```
 
-    **Arguments:** `times` (N,) in s, rising, two at least; `values` (N,), or (N, 3) of a force, in
-    the SI unit of what follows them.
+    **Arguments:**
 
-    **Raises:** `ValueError` as `PiecewiseConstant`.
+    - `times`: (N,) s, increasing, at least two.
+    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+
+    **Raises:** `ValueError` as for `PiecewiseConstant`.
     """
 
     times: Column = quantity("s", table=True)
@@ -81,13 +85,13 @@ class PiecewiseLinear(AbstractFunctionOfTime):
         require_rows("values", self.values, np.shape(self.times))
 
     def __call__(self, t: Scalar) -> Scalar:
-        """The value at a time in s."""
+        """Return the value at a time in s."""
         times, values = on_device(self.times), on_device(self.values)
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        within = jnp.clip(t, times[0], times[-1])
-        part = (within - times[k]) / (times[k + 1] - times[k])
-        return values[k] + part * (values[k + 1] - values[k])
+        inside = jnp.clip(t, times[0], times[-1])
+        fraction = (inside - times[k]) / (times[k + 1] - times[k])
+        return values[k] + fraction * (values[k + 1] - values[k])
 
     def breakpoints(self) -> PyTree:
-        """All of its times, s."""
+        """Return all times of the table, s."""
         return self.times

@@ -1,9 +1,9 @@
-"""Drivers whose angle or distance is any function of time."""
+"""Drivers that prescribe an angle or a distance as a function of time."""
 
 import equinox as eqx
 from jaxtyping import PyTree
 
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, QuadrupleLike, Triple, TripleLike
 from ...math.rotations import unit
@@ -22,7 +22,7 @@ from .rotation import AbstractRotationDriver
 
 
 class PrescribedAngle(AbstractRotationDriver):
-    """Turns the second body against the first by a function of time; one row.
+    """Prescribes the second body's angle relative to the first as a function of time; one row.
 
     ```python
     import clearjoint as cj
@@ -35,14 +35,14 @@ class PrescribedAngle(AbstractRotationDriver):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as `PrescribedRotation`.
-    - `function`: the angle in rad at a time in s: a `Spline` through a table, a `Polynomial`,
-      an `AbstractFunctionOfTime` of one's own, or a Python function that JAX can differentiate
-      twice. The last is part of the compiled program, has no numbers to vary or to fit, and can't
-      be saved in a scene file.
+    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `function`: the angle in rad as a function of time in s: a `Spline` through a table, a
+      `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX can
+      differentiate twice. A Python function is part of the compiled program, has no parameters to
+      vary or fit, and can't be saved in a scene file.
 
-    **Raises:** `ValueError` for what is no function of time, and for values that no driver can
-    have.
+    **Raises:** `ValueError` if `function` is not a continuous function of time, or another value is
+    invalid.
     """
 
     first: str = eqx.field(static=True)
@@ -67,24 +67,27 @@ class PrescribedAngle(AbstractRotationDriver):
         require_continuous(self.function)
 
     def angle(self, t: Scalar) -> Scalar:
-        """The function's value, rad."""
+        """Return the function's value, rad."""
         return self.function(t)
 
     def breakpoints(self) -> PyTree:
-        """Those of the function, s."""
+        """Return the breakpoints of the function, s."""
         return self.function.breakpoints()
 
 
 class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
-    """Moves a point of the second body along an axis of the first by a function of time; one row.
+    """Prescribes a point's distance along an axis of the first body as a function of time; one row.
 
-    It holds nothing across the axis: a prismatic or cylindrical joint beside it does. The
-    multiplier is the driving force in N, positive where it pushes the second body along the axis;
-    its work is "supplied" in the energy ledger.
+    It doesn't constrain the motion across the axis: add a prismatic or cylindrical joint. The
+    multiplier is the driving force in N, positive if it pushes the second body along the axis. The
+    energy ledger lists its work as "supplied".
 
-    **Arguments:** as `SphericalJoint`, the `axis` on the first body, (3,) in its axes, any length,
-    and `function`: as of `PrescribedAngle`, but the distance in m along the axis from the first
-    body's point to the second's.
+    **Arguments:**
+
+    - `first`, `second`, `point_first`, `point_second`: as for `SphericalJoint`.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
+      point to the second's.
 
     **Raises:** as `PrescribedAngle`.
 
@@ -95,10 +98,6 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     ('ground', 'slider')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
     function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
 
@@ -119,12 +118,12 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The distance less that prescribed, m."""
+        """Return the distance minus the prescribed distance, m."""
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         axis = unit(self.axis)
         distance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
         return {"distance": row_following(distance, self.function, t)}
 
     def breakpoints(self) -> PyTree:
-        """Those of the function, s."""
+        """Return the breakpoints of the function, s."""
         return self.function.breakpoints()

@@ -1,6 +1,6 @@
-"""Drivers between two bodies that turn about a common axis: a prescribed rotation, or a torque.
+"""Drivers between two bodies with a common axis of rotation: a prescribed rotation or a torque.
 
-Neither holds the axis: a revolute joint beside it does, ideal or with clearance.
+They don't hold the axis: add a revolute joint, ideal or with clearance.
 """
 
 import abc
@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
 from ...fields.types import Quadruple, Single, Triple
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import Scalar, add
 from ..bodies import Wrench
@@ -25,11 +25,11 @@ from .in_time import SingleInTime, breakpoints_of, single_in_time, value_at
 
 
 class AbstractDrive(AbstractPair):
-    """An element on the angle of a second body about an axis of a first.
+    """An element that acts on the angle of a second body about an axis of a first body.
 
     - `axis`: (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that turn components in the second body's
-      frame into the first's where the angle is zero.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero.
     """
 
     axis: eqx.AbstractVar[Triple]
@@ -39,8 +39,12 @@ class AbstractDrive(AbstractPair):
         require_axis("axis", self.axis)
         require_euler_parameters("orientation", self.orientation)
 
-    def turn(self, motions: Motions) -> Row:
-        """The angle in rad, within (-pi, pi], as a row."""
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the second body's angle about the axis relative to the first body, as a row.
+
+        The row has the value of the angle, rad within (-pi, pi], and its Jacobian. The angle is
+        right-handed about the axis.
+        """
         axis = unit(self.axis)
         start, _ = transverse_axes(axis)
         direction = rotation_matrix(self.orientation).transposed_times(start)
@@ -51,20 +55,19 @@ class AbstractDrive(AbstractPair):
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     """An ideal driver: the second body's angle follows a function of time; one row.
 
-    The multiplier is the driving moment in N m, positive where it pushes the second body towards
-    larger angles: `observe(...).reactions[driver]` has it as the moment on each body. Its work is
-    "supplied" in the energy ledger.
+    The multiplier is the driving moment in N m, positive if it pushes the second body towards
+    larger angles: `observe(...).reactions[driver]` has it as the moment on each body. The energy
+    ledger lists its work as "supplied". Angles are taken modulo 2 pi, so that the number of
+    revolutions is unlimited.
 
-    Angles count modulo 2 pi, so that the number of revolutions is unlimited.
-
-    An angle with kinks declares their times as `breakpoints`: there velocities jump, by an impulse
-    of the driver. A run whose driver isn't followed ends with `RESULTS.not_followed`.
+    If the angle has kinks, declare their times as `breakpoints`: velocities jump there by an
+    impulse of the driver. A run ends with `RESULTS.not_followed` if the driver can't be followed.
 
     ```python
     import clearjoint as cj
     import jax.numpy as jnp
 
-    class Swing(cj.AbstractRotationDriver):
+    class Swing(cj.extend.AbstractRotationDriver):
         first: str
         second: str
         axis: tuple[float, float, float]
@@ -76,24 +79,29 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
             return self.amplitude * jnp.sin(self.frequency * t)
 
     swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
-    scene, guess = cj.slider_crank(motor=swing)
+    scene, guess = cj.mechanisms.slider_crank(motor=swing)
     state = cj.assemble(scene, guess)
     ```
     """
 
     @abc.abstractmethod
     def angle(self, t: Scalar) -> Scalar:
-        """The angle in rad at a time in s: continuous, and twice differentiable by JAX between the
-        `breakpoints`."""
+        """Return the angle in rad at a time in s.
+
+        It must be continuous, and JAX must be able to differentiate it twice between the
+        `breakpoints`.
+        """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The angle less that prescribed."""
-        row = row_following(self.turn(motions), self.angle, t)
+        """Return one row, "angle": the angle minus the prescribed angle, rad modulo 2 pi."""
+        row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
 
 class PrescribedRotation(AbstractRotationDriver):
-    """Turns the second body against the first at constant speed.
+    """Rotates the second body relative to the first at constant speed.
+
+    For other motions use `PrescribedAngle`, or subclass `AbstractRotationDriver`.
 
     **Arguments:**
 
@@ -101,10 +109,8 @@ class PrescribedRotation(AbstractRotationDriver):
     - `axis`: (3,) in the first body's axes, any length.
     - `speed`: rad/s, right-handed about the axis.
     - `initial_angle`: rad, at time zero.
-    - `orientation`: (4,) Euler parameters, scalar first, that turn components in the second body's
-      frame into the first's where the angle is zero; parallel frames by default.
-
-    For another motion take `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
 
     >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
     >>> print(f"{drive.angle(0.1):.1f} rad")
@@ -119,17 +125,17 @@ class PrescribedRotation(AbstractRotationDriver):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def angle(self, t: Scalar) -> Scalar:
-        """The initial angle and the speed times the time."""
+        """Return the initial angle plus speed times time, rad."""
         return self.initial_angle + self.speed * t
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """A torque about the axis on the second body, and its opposite on the first.
+    """A torque about the axis on the second body, with its reaction on the first.
 
     ```python
     import clearjoint as cj
 
-    class Motor(cj.AbstractDriveTorque):
+    class Motor(cj.extend.AbstractDriveTorque):
         first: str
         second: str
         axis: tuple[float, float, float]
@@ -141,34 +147,38 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
             return self.stall_torque * (1.0 - speed / self.idle_speed)
 
     motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
-    scene, state = cj.slider_crank(motor=motor)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
     ```
     """
 
     @abc.abstractmethod
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The torque in N m, positive towards larger angles, for an angle in rad within (-pi, pi],
-        its rate in rad/s, and a time in s."""
+        """Return the torque in N m, positive towards larger angles.
+
+        **Arguments:** `angle`: rad, within (-pi, pi]. `speed`: its rate, rad/s. `t`: s.
+        """
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """The torque and its reaction: what works on the angle's rate."""
-        turn = self.turn(motions)
-        torque = self.torque_at(turn.value, _rate(turn, motions), t)
+        """Return the torque on the second body and its reaction on the first, by body."""
+        angle = self.relative_angle(motions)
+        torque = self.torque_at(angle.value, _rate(angle, motions), t)
         return {
-            name: Wrench(pair.force, pair.moment * torque) for name, pair in turn.jacobian.items()
+            name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
         }
 
     def speed(self, motions: Motions) -> Scalar:
-        """Rate of the angle, rad/s."""
-        return _rate(self.turn(motions), motions)
+        """Return the rate of the angle, rad/s."""
+        return _rate(self.relative_angle(motions), motions)
 
 
-def _rate(turn: Row, motions: Motions) -> Scalar:
-    return add(*(motions[name].power(pair) for name, pair in turn.jacobian.items()))
+def _rate(angle: Row, motions: Motions) -> Scalar:
+    return add(*(motions[name].power(pair) for name, pair in angle.jacobian.items()))
 
 
 class DriveTorque(AbstractDriveTorque):
-    """A torque that is constant or follows a function of time.
+    """A torque that is constant or a function of time.
+
+    For a torque that depends on angle or speed subclass `AbstractDriveTorque`, or use `Motor`.
 
     ```python
     import clearjoint as cj
@@ -181,19 +191,19 @@ class DriveTorque(AbstractDriveTorque):
     replayed = cj.DriveTorque("ground", "crank", axis, measured)
     ```
 
-    **Arguments:** as `PrescribedRotation`, but `torque`: N m, positive towards larger angles; a
-    number, of which zero lets the bodies turn freely, or a function of time: a table as
-    `PiecewiseConstant`, `PiecewiseLinear` or `Spline`, a `Polynomial`, an `AbstractFunctionOfTime`
-    of one's own, or a Python function of JAX's. The last is part of the compiled program, and can't
-    be saved in a scene file.
+    **Arguments:**
 
-    For a motor whose torque depends on angle or speed subclass `AbstractDriveTorque`, or take
-    `Motor`.
+    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `torque`: N m, positive towards larger angles: a number, or a function of time such as
+      `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
+      `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
+      of the compiled program and can't be saved in a scene file.
 
-    **Raises:** `ValueError` for a torque that is neither, and for values no driver can have.
+    **Raises:** `ValueError` if the torque is neither a number nor a function, or another value is
+    invalid.
 
     >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
-    >>> scene, state = cj.slider_crank(motor=drive)
+    >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
     """
 
     first: str = eqx.field(static=True)
@@ -203,10 +213,10 @@ class DriveTorque(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """The torque at the time, N m."""
+        """Return the torque at the time, N m."""
         del angle, speed
         return value_at(self.torque, t)
 
     def breakpoints(self) -> PyTree:
-        """Those of a torque that is a function of time, s."""
+        """Return the breakpoints of a torque that is a function of time, s."""
         return breakpoints_of(self.torque)

@@ -1,1 +1,1 @@
-"""Films of oil between journal and bearing: laws of their force, and where they are in a joint."""
+"""Lubricant films between journal and bearing: laws of their force."""

@@ -1,4 +1,4 @@
-"""The film of a bearing of finite width."""
+"""Film of a bearing of finite width."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from ..contact.limits import Limit
 from .laws import AbstractFilm, FilmGap
 
 NARROWEST, WIDEST = 0.125, 1.0
-"""Widths over diameters between which the numbers below were fitted."""
+"""Range of the width-to-diameter ratio for which the coefficients were fitted."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio below which the line of centres loses its direction."""
+"""Eccentricity ratio below which the direction of the line of centres fades out."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""a1 and a2 by the width over the diameter: for the load that rotation carries."""
+"""Coefficients of a1 and a2 in powers of the width-to-diameter ratio: load carried by rotation."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -29,27 +29,27 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""a3 to a7: for the angle between the load and the line of centres."""
+"""Coefficients of a3 to a7: angle between the load and the line of centres."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
 )
-"""a8 and a9: for the load that squeezing carries."""
+"""Coefficients of a8 and a9: load carried by squeeze."""
 
 
 class ButenschoenFilm(AbstractFilm):
-    """A film of finite width: fits to solutions of Reynolds' equation, rotation beside squeeze.
+    """Film of finite width: fits to solutions of Reynolds' equation for rotation and for squeeze.
 
     With b = B/D of the film's width and the bearing's diameter, psi = 2c/D, the eccentricity ratio
-    eps at the angle delta, and Omega the sum of the spins less 2 delta', rotation carries
-    So_D B D mu |Omega|/psi^2 at the angle beta from the line of centres, squeezing
-    So_V B D mu eps'/psi^2 along it. So_D is within -3.3 and 6.8 % of tabulated values.
+    eps at the angle delta, and Omega the sum of the spins minus 2 delta', rotation carries So_D B D
+    mu |Omega|/psi^2 at the angle beta from the line of centres, and squeeze carries So_V B D mu
+    eps'/psi^2 along it. So_D deviates from tabulated values by -3.3 to 6.8 %.
 
-    Rotation and squeeze are solved apart and added, which real films aren't; for both at once in a
-    short bearing take `CaponeFilm`. A centred journal has no line of centres: below an eccentricity
-    ratio of a thousandth its direction fades out.
+    The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
+    a short bearing use `CaponeFilm`. A centred journal has no line of centres: its direction fades
+    out below an eccentricity ratio of 0.001.
 
-    **Arguments:** `viscosity` mu, Pa s. Warns of B/D beyond 1/8 to 1.
+    **Arguments:** `viscosity`: mu, Pa s. **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
@@ -57,14 +57,14 @@ class ButenschoenFilm(AbstractFilm):
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
     ...     length=12.5e-3,
     ... )
-    >>> force = cj.ButenschoenFilm(viscosity=0.02).force(gap)
+    >>> force = cj.films.ButenschoenFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -61.0 N, 89.4 N
     """
@@ -72,28 +72,30 @@ class ButenschoenFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """The forces of rotation and of squeeze, N."""
+        """Return the sum of the forces of rotation and squeeze, N."""
         width = gap.length / (2.0 * gap.bearing_radius)
         ratio, _ = norm_and_direction(gap.offset)
+        # The unit vector along the line of centres, which fades out for a centred journal.
         centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
-        opening = gap.rate.dot(centres)
-        turning = gap.rate - centres * opening
+        closing = gap.rate.dot(centres)
+        rotation = gap.rate - centres * closing
         slope, angle = 2.0 * load_slope(width, ratio), attitude(width, ratio)
         tangential = slope * jnp.sin(angle)
         radial = slope * jnp.cos(angle) * jnp.abs(gap.axis.dot(centres.cross(gap.rate)))
-        squeezing = squeeze_load(width, jnp.where(opening < 0.0, -ratio, ratio)) * opening
-        size = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
-        return (turning * tangential + centres * (radial + squeezing)) * -size
+        # An opening film acts like a closing one on the other side of the bearing.
+        squeeze = squeeze_load(width, jnp.where(closing < 0.0, -ratio, ratio)) * closing
+        scale = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
+        return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Those of the width over the diameter."""
+        """Return the limits of the width-to-diameter ratio."""
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__
         return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """So_D over the eccentricity ratio; So_D is that of steady rotation. `width`: B/D."""
+    """Return So_D over the eccentricity ratio, for steady rotation. `width` is B/D."""
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio
     short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
@@ -101,13 +103,13 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """beta, rad: from the line of centres to the load that rotation carries."""
+    """Return beta, rad: from the line of centres to the load carried by rotation."""
     short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
-    """So_V of squeezing, by the eccentricity ratio, negative where the film opens."""
+    """Return So_V for the eccentricity ratio, which is negative for an opening film."""
     numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)
     square = ratio * ratio
     arc = 0.5 * math.pi - 0.5 * jnp.arccos(ratio)
@@ -117,5 +119,5 @@ def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def polynomial(coefficients: Sequence[Scalar], x: Scalar) -> Scalar:
-    """The polynomial of x with such coefficients, the constant one first; also of traced ones."""
+    """Return the polynomial of x, lowest coefficient first; coefficients may be traced arrays."""
     return reduce(lambda value, coefficient: value * x + coefficient, reversed(coefficients))

@@ -1,4 +1,4 @@
-"""The film of a short bearing."""
+"""Film of a short bearing."""
 
 import math
 
@@ -13,30 +13,30 @@ from .laws import AbstractFilm, FilmGap
 
 
 class CaponeFilm(AbstractFilm):
-    r"""A short bearing's film with rotation and squeeze together, where its pressure is positive.
+    r"""Film of a short bearing with rotation and squeeze, from the region of positive pressure.
 
     $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
-    With the offset x, the rate u = |u| e, rho = 1 - x.x, d = x.e, q = n.(x cross e) about the axis
-    n, G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2), the force
-    is -(mu R L^3/(2 c^2 rho)) (3 V |u| x + G u + 2 Q n cross u). Exact for L/D to 0: too stiff by
-    6 % at an eccentricity ratio of 0.5 and L/D = 1/4, and by 69 % at L/D = 1.
+    Here x is the offset, u = |u| e its rate and n the axis; rho = 1 - x.x, d = x.e,
+    q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and
+    Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
+    eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
 
-    **Arguments:** `viscosity` mu, Pa s.
+    **Arguments:** `viscosity`: mu, Pa s.
 
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
     ...     length=12.5e-3,
     ... )
-    >>> force = cj.CaponeFilm(viscosity=0.02).force(gap)
+    >>> force = cj.films.CaponeFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -69.4 N, 94.5 N
     """
@@ -44,7 +44,7 @@ class CaponeFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """The integral of the positive pressures, N."""
+        """Return the integral of the positive pressures, N."""
         offset, rate = gap.offset, gap.rate
         speed, direction = norm_and_direction(rate)
         rho = 1.0 - offset.dot(offset)
@@ -53,9 +53,11 @@ class CaponeFilm(AbstractFilm):
         across = gap.axis.dot(offset.cross(direction))
         wedge = 2.0 / root * (0.5 * math.pi + polar_angle(along, root))
         squeeze = (2.0 + along * wedge) / rho
-        turning = across / (1.0 - across * across)
-        size = self.viscosity * gap.bearing_radius * gap.length**3 / (2.0 * gap.clearance**2)
+        transverse = across / (1.0 - across * across)
+        scale = self.viscosity * gap.bearing_radius * gap.length**3 / (2.0 * gap.clearance**2)
         flow = (
-            offset * (3.0 * squeeze * speed) + rate * wedge + gap.axis.cross(rate) * (2.0 * turning)
+            offset * (3.0 * squeeze * speed)
+            + rate * wedge
+            + gap.axis.cross(rate) * (2.0 * transverse)
         )
-        return flow * (-size / rho)
+        return flow * (-scale / rho)

@@ -1,9 +1,8 @@
-"""Film laws: the force of a lubricant on a journal, from where it is in its bearing and how it
-moves there.
+"""Interface of the film laws: the force of a lubricant on a journal from its position and rate.
 
-A film feels the speeds of both surfaces by half the sum of their spins alone: seen from axes that
-turn so fast, the gap fills and empties by the journal's own motion only (O. Reynolds 1886). So laws
-get the journal's rate in these axes, and need neither the spins nor the bearing's motion.
+A film depends on the spins of both surfaces only through half their sum: in axes that rotate with
+this speed the gap changes by the journal's own motion only (O. Reynolds 1886). Film laws receive
+the journal's rate in these axes, and need neither the separate spins nor the bearing's motion.
 """
 
 import abc
@@ -22,19 +21,19 @@ from ..contact.limits import Limit
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class FilmGap:
-    """All that a film may know of the journal in its bearing.
+    """Position and motion of a journal in its bearing, as inputs of a film law.
 
-    - `axis`: of the bearing, a unit vector. `offset` and `rate` are across it.
+    - `axis`: of the bearing, a unit vector. `offset` and `rate` are perpendicular to it.
     - `offset`: from the bearing's axis to the journal's, over the clearance; its length is the
       eccentricity ratio, below 1.
-    - `rate`: 1/s, the offset's in axes that turn with half the sum of the spins.
-    - `spin`: rad/s, of the journal against the bearing, about the axis.
+    - `rate`: 1/s, rate of the offset in axes that rotate with half the sum of the spins.
+    - `spin`: rad/s, of the journal relative to the bearing, about the axis.
     - `bearing_radius`, radial `clearance`, `length` of the film: m.
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
@@ -54,10 +53,11 @@ class FilmGap:
 
 
 class AbstractFilm(AbstractConverting):
-    """A film of a lubricant of some `viscosity`, Pa s.
+    """A lubricant film with a `viscosity`, Pa s.
 
-    A subclass gives the force on the journal. It must be finite, with its derivatives, without
-    offset and without motion, where neither has a direction.
+    A subclass defines the force on the journal. The force and its derivatives must be finite at
+    zero offset and at zero rate, where these vectors have no direction. Test it with
+    `clearjoint.testing.check_film`.
 
     ```python
     import math
@@ -66,20 +66,20 @@ class AbstractFilm(AbstractConverting):
     import jax.numpy as jnp
     from clearjoint.testing import check_film
 
-    class LongFullFilm(cj.AbstractFilm):
+    class LongFullFilm(cj.extend.AbstractFilm):
         viscosity: float  # Pa s
 
         def force(self, gap):
             square = gap.offset.dot(gap.offset)
             root = jnp.sqrt(1.0 - square)
-            turning = gap.rate * (2.0 / root)
-            squeezing = gap.offset * (3.0 * gap.offset.dot(gap.rate) / root**3)
-            size = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
-            return (turning + squeezing) * (-12.0 * math.pi * size / (2.0 + square))
+            rotation = gap.rate * (2.0 / root)
+            squeeze = gap.offset * (3.0 * gap.offset.dot(gap.rate) / root**3)
+            scale = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
+            return (rotation + squeeze) * (-12.0 * math.pi * scale / (2.0 + square))
 
     film = LongFullFilm(viscosity=0.02)
     check_film(film)
-    scene, state = cj.rotor_in_bearing(film=film)
+    scene, state = cj.mechanisms.rotor_in_bearing(film=film)
     ```
     """
 
@@ -87,12 +87,14 @@ class AbstractFilm(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: FilmGap) -> Vector:
-        """Force on the journal across the axis, N. What it does with the `rate` is dissipated."""
+        """Return the force on the journal perpendicular to the axis, N; its work with `rate` is
+        dissipated."""
 
     def drag(self, gap: FilmGap) -> Scalar:
-        """Moment on the journal about the bearing's axis against the spin, N m.
+        """Return the moment on the journal about the bearing's axis, N m; it opposes the spin.
 
-        Of a film all around, 2 pi mu R^3 L spin/(c sqrt(1 - eps^2)) (A. Sommerfeld 1904).
+        The default is that of a complete film, -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)) (A.
+        Sommerfeld 1904).
         """
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
         return (
@@ -105,7 +107,6 @@ class AbstractFilm(AbstractConverting):
         )
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """What of a bearing's radius and a film's length, m, the law holds for, if not for all;
-        beyond, one is warned."""
+        """Return the validity limits for a bearing radius and film length, m; none by default."""
         del bearing_radius, length
         return ()

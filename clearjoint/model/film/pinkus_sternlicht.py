@@ -1,4 +1,4 @@
-"""The film of an endless bearing, as the clearance literature quotes it."""
+"""Film of an infinitely long bearing, as cited in the clearance literature."""
 
 import math
 
@@ -12,34 +12,36 @@ from .laws import AbstractFilm, FilmGap
 
 
 class PinkusSternlichtFilm(AbstractFilm):
-    """An endless bearing's film with squeeze, to reproduce papers with; else take another.
+    """Film of an infinitely long bearing with squeeze; use it only to reproduce published results.
 
-    With the eccentricity ratio e, its rate e', and w the sum of the spins less twice the rate of
-    the offset's angle, k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). While e' > 0 the radial force is
-    -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)) and the tangential
-    one 6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)), times mu L R^3/c^2. While e' < 0 it is
-    k instead of k + 3, and the radial force 6 e' (4 k e^2 - (2 + e^2) pi) ..., whose leading sign
-    papers print wrongly: it would jump at e' = 0.
+    With the eccentricity ratio e, its rate e', and w the sum of the spins minus twice the rate of
+    the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). For e' > 0 the radial and
+    tangential forces, over mu L R^3/c^2, are
 
-    An approximation: 1 to 23 % off the exact forces for moderate squeeze, 34 % where squeeze
-    dominates; and endless bearings carry far more than short ones.
+        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
+        6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
-    **Arguments:** `viscosity` mu, Pa s.
+    For e' < 0, k replaces k + 3, and the radial force is 6 e' (4 k e^2 - (2 + e^2) pi) .... The
+    cited papers print its leading sign wrongly; the force would jump at e' = 0.
 
-    **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer,
-    H. M. Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy
-    2006.
+    The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
+    dominates. An infinitely long bearing carries far more than a short one.
+
+    **Arguments:** `viscosity`: mu, Pa s.
+
+    **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
+    Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
-    ...     offset=cj.Vector(0.5, 0.0, 0.0),
-    ...     rate=cj.Vector(0.0, -100.0, 0.0),  # at rest, seen from axes that turn with 100 rad/s
+    ...     offset=extend.Vector(0.5, 0.0, 0.0),
+    ...     rate=extend.Vector(0.0, -100.0, 0.0),
     ...     spin=200.0,
     ...     bearing_radius=25e-3,
     ...     clearance=50e-6,
     ...     length=12.5e-3,
     ... )
-    >>> force = cj.PinkusSternlichtFilm(viscosity=0.02).force(gap)
+    >>> force = cj.films.PinkusSternlichtFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -1111.1 N, 3023.0 N
     """
@@ -47,18 +49,19 @@ class PinkusSternlichtFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Both components, without a division by the eccentricity or its rate, N."""
+        """Return the force, N, in a form without division by the eccentricity or its rate."""
         offset, rate = gap.offset, gap.rate
         square = offset.dot(offset)
         rho = 1.0 - square
         root = jnp.sqrt(rho)
         speed, _ = norm_and_direction(rate)
         closing, size = offset.dot(rate), jnp.abs(offset.dot(rate))
-        share = speed * root  # k e e'
+        # All terms are multiplied by e e', so that nothing is divided by e or e'.
+        k_product = speed * root  # k e e'
         moves = speed > 0.0
-        narrows = share + jnp.where(closing > 0.0, 3.0, 0.0) * size
-        part = jnp.where(moves, narrows / jnp.where(moves, share + 1.5 * size, 1.0), 1.0)
-        turning = rate * (12.0 * math.pi / root)
-        squeezing = offset * ((18.0 * math.pi * closing + 24.0 * share) / (rho * root))
+        numerator = k_product + jnp.where(closing > 0.0, 3.0, 0.0) * size
+        factor = jnp.where(moves, numerator / jnp.where(moves, k_product + 1.5 * size, 1.0), 1.0)
+        rotation = rate * (12.0 * math.pi / root)
+        squeeze = offset * ((18.0 * math.pi * closing + 24.0 * k_product) / (rho * root))
         scale = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
-        return (turning + squeezing) * (-scale * part / (2.0 + square))
+        return (rotation + squeeze) * (-scale * factor / (2.0 + square))

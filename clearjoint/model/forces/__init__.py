@@ -1,1 +1,1 @@
-"""Elements that push bodies by themselves: springs, liners, loads."""
+"""Force elements without contact: springs, bushings and loads."""

@@ -1,14 +1,11 @@
-"""A bushing: an elastic liner between two bodies."""
+"""A bushing: an elastic connection of two bodies along and about three axes."""
 
 from typing import NamedTuple
-
-import equinox as eqx
 
 from ...fields.checks import (
     checkable,
     require,
     require_euler_parameters,
-    require_point,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -26,47 +23,54 @@ NONE = (0.0, 0.0, 0.0)
 
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:
-    """Check a number for each axis, none of them negative."""
+    """Check that there is a number for each axis, none of them negative."""
     require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
     if (known := checkable(value)) is not None:
         (numbers,) = known
-        fine, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
-        require(fine, argument, numbers, "zero or positive", remedy)
+        is_valid, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
+        require(is_valid, argument, numbers, "zero or positive", remedy)
 
 
 class _Strain(NamedTuple):
-    """The bushing's axes in global ones, and how it is strained along them: shift m, turn rad, and
-    their rates."""
+    """Deformation of the bushing, with components along its axes.
+
+    - `axes`: matrix that transforms components along the bushing's axes to global components.
+    - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
+      its rate, m/s.
+    - `rotation`, `rotation_rate`: rotation vector of the second body's frame relative to the
+      first's, rad, and its rate, rad/s.
+    """
 
     axes: Matrix
     shift: Vector
     shift_rate: Vector
-    turn: RotationVector
-    turn_rate: Vector
+    rotation: RotationVector
+    rotation_rate: Vector
 
 
 class Bushing(AbstractPairAtPoints, AbstractForce):
-    """Springs and dampers along and about three axes: the liner of an elastic joint.
+    """Springs and dampers along and about three axes, such as a rubber liner.
 
-    The bushing's axes belong to the first body. Along them, the point of the second body is off
-    that of the first by a shift s, and the frame of the second body turned against the first's by
-    the rotation vector r, an axis times an angle. Force and moment of the second body are those of
-    the energy (k s^2 + c r^2)/2 and of the dissipated power d s'^2 + b r'^2, summed over the axes.
-    Hence turns may be large: about one axis the moment is exactly c times the angle, turns about
-    several axes need no order, and the forces are conservative. Half a revolution, where a rotation
-    vector has no direction, is out of reach; a torsional spring without such an end acts about a
-    joint's own angle.
+    The bushing's axes are fixed to the first body. Let s be the displacement of the second body's
+    point from the first body's, and r the rotation vector (axis times angle) of the second body's
+    frame relative to the first's. Force and moment derive from the energy (k s^2 + c r^2)/2 and the
+    dissipation d s'^2 + b r'^2, summed over the axes. Rotations may therefore be large: about one
+    axis the moment is exactly c times the angle, the order of rotations about several axes doesn't
+    matter, and the elastic forces are conservative. The rotation must stay below half a revolution,
+    where a rotation vector is singular.
 
     **Arguments:**
 
-    - names; points (3,) m in body axes.
-    - `stiffness` k, N/m, and `damping` d, N s/m, along each axis, (3,).
-    - `rotational_stiffness` c, N m/rad, and `rotational_damping` b, N m s/rad, about each, (3,).
-    - `orientation_first`, `orientation_second`: the bushing's frame in each body, Euler parameters
-      that turn its components into the body's; those of the body's own axes unless given. The
-      frames are parallel where the bushing is relaxed.
+    - `first`, `second`: names of the bodies.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
+    - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
+      (3,).
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters that transform components in
+      the bushing's frame to each body's frame; the body's frame by default. The two frames are
+      parallel in the relaxed bushing.
 
-    **Raises:** `ValueError` for negative numbers, or orientations that are none.
+    **Raises:** `ValueError` if a number is negative or an orientation is invalid.
 
     ```python
     import clearjoint as cj
@@ -80,10 +84,6 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     ```
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     stiffness: Triple = quantity("N/m", check=_require_none_negative)
     damping: Triple = quantity("N s/m", check=_require_none_negative, default=NONE)
     rotational_stiffness: Triple = quantity("N m/rad", check=_require_none_negative, default=NONE)
@@ -92,61 +92,75 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def _strain(self, motions: Motions) -> _Strain:
+        """Return the deformation of the bushing in a motion of its bodies."""
         first, second = motions[self.first], motions[self.second]
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
         apart = second.point(self.point_second) - first.point(self.point_first)
-        beside = self.point_first + first.components(apart)
-        moving = second.velocity_at(self.point_second) - first.velocity_at(beside)
+        # The relative velocity is measured from the first body's material point at the place of the
+        # second body's point, so that a common rotation does not count as deformation.
+        point_in_first = self.point_first + first.components(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)
-        turn = rotation_vector(axes.T @ frame)
+        rotation = rotation_vector(axes.T @ frame)
         return _Strain(
             axes,
             axes.transposed_times(apart),
-            axes.transposed_times(moving),
-            turn,
-            turn.rate(axes.transposed_times(spin)),
+            axes.transposed_times(velocity),
+            rotation,
+            rotation.rate(axes.transposed_times(spin)),
         )
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Equal and opposite forces at the second body's point, and opposite torques."""
+        """Return the forces and torques of springs and dampers on both bodies, by body.
+
+        On the first body they act in the direction of the deformation, on the second body they are
+        equal and opposite.
+        """
         del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
-        along = strain.shift.componentwise_product(
+        # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
+        # rotation vector.
+        forces_along = strain.shift.componentwise_product(
             self.stiffness
         ) + strain.shift_rate.componentwise_product(self.damping)
-        about = strain.turn.vector.componentwise_product(
+        conjugate_moment = strain.rotation.vector.componentwise_product(
             self.rotational_stiffness
-        ) + strain.turn_rate.componentwise_product(self.rotational_damping)
-        force = strain.axes @ along
-        torque = strain.axes @ strain.turn.torque(about)
+        ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
+        force = strain.axes @ forces_along
+        # The moment's power is its product with the rate of the rotation vector, which differs from
+        # the relative angular velocity for large rotations. The torque has the same power with the
+        # angular velocity; without this conversion the elastic torque would not be conservative.
+        torque = strain.axes @ strain.rotation.torque(conjugate_moment)
+        # Both forces act at the second body's point. Opposite forces at two points that are apart
+        # may form a couple, which would not conserve angular momentum.
         apart = second.point(self.point_second) - first.point(self.point_first)
-        beside = self.point_first + first.components(apart)
+        point_in_first = self.point_first + first.components(apart)
         return {
-            self.first: first.wrench(force, beside) + first.torque(torque),
+            self.first: first.wrench(force, point_in_first) + first.torque(torque),
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """That of the six springs, J."""
+        """Return the energy of the springs along and about the three axes, J."""
         del t
         strain = self._strain(motions)
         energy = _weighted(self.stiffness, strain.shift)
-        return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.turn.vector))
+        return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Minus the dissipation of the six dampers, W."""
+        """Return the power of the dampers along and about the three axes, W; never positive."""
         del t
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
-        return -(power + _weighted(self.rotational_damping, strain.turn_rate))
+        return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A spring."""
+        """Draw a spring."""
         pen.spring(*self.ends())
 
 
 def _weighted(weights: Vector, vector: Vector) -> Scalar:
-    """The squared components of a vector, weighted and summed."""
+    """Return the weighted sum of the squared components of a vector."""
     return vector.componentwise_product(weights).dot(vector)

@@ -1,15 +1,19 @@
 """Springs, dampers and applied loads."""
 
+import math
+
 import equinox as eqx
 from jaxtyping import PyTree
 
 from ...fields.checks import require_point
 from ...fields.declarations import quantity
-from ...fields.types import Single, Triple
+from ...fields.types import Quadruple, Single, Triple
+from ...math.functions import wrapped
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, pack, unpack
 from ..bodies import Wrench
 from ..drives.in_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
+from ..drives.rotation import AbstractDriveTorque
 from ..joints.base import AbstractForce, Attachment, Motions
 from ..joints.pairs import AbstractPairAtPoints
 from ..pen import AbstractPen, Marker
@@ -18,11 +22,15 @@ SI = "give it in SI units"
 
 
 class SpringDamper(AbstractPairAtPoints, AbstractForce):
-    """A linear spring and damper between a point of each of two bodies.
+    """A linear spring and damper between a point of one body and a point of another.
 
-    **Arguments:** names; points (3,) m in body axes; `stiffness` N/m, `damping` N s/m, and
-    `free_length` m, none of them negative. The force has no direction where the points coincide
-    and is zero there.
+    The force is zero where the points coincide, because it has no direction there.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `stiffness`: N/m. `damping`: N s/m. `free_length`: m. None of them is negative.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -32,10 +40,6 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     -10.0 N
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     stiffness: Single = quantity("N/m", positive=True, zero=True, remedy=SI)
     damping: Single = quantity("N s/m", default=0.0, positive=True, zero=True, remedy=SI)
     free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
@@ -48,7 +52,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Equal and opposite forces along the line between the points."""
+        """Return equal and opposite forces along the line between the points."""
         del t
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
@@ -58,22 +62,72 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Half the stiffness times the squared stretch, J."""
+        """Return half the stiffness times the squared elongation, J."""
         del t
         return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Minus the damper's dissipation, W."""
+        """Return minus the damper's dissipation, W."""
         del t
         return -self.damping * self._stretch(motions)[1] ** 2
 
     def draw(self, pen: AbstractPen) -> None:
-        """A spring."""
+        """Draw a spring."""
         pen.spring(*self.ends())
 
 
+class TorsionalSpring(AbstractDriveTorque):
+    """A linear torsional spring and damper about a common axis of two bodies.
+
+    The angle from the rest position is taken within half a revolution. The torque jumps there,
+    because the bodies' positions don't determine the number of revolutions.
+
+    **Arguments:**
+
+    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
+    - `rest_angle`: rad, of the unloaded spring.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
+    >>> spring.body_names()
+    ('ground', 'lever')
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
+    stiffness: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
+    damping: Single = quantity(
+        "N m s/rad", shape=(), default=0.0, positive=True, zero=True, remedy=SI
+    )
+    rest_angle: Single = quantity("rad", shape=(), default=0.0)
+    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return minus stiffness times twist minus damping times speed, N m."""
+        del t
+        return -(self.stiffness * self._twist(angle) + self.damping * speed)
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return half the stiffness times the squared twist, J."""
+        del t
+        return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return minus the damper's dissipation, W."""
+        del t
+        return -self.damping * self.speed(motions) ** 2
+
+    def _twist(self, angle: Scalar) -> Scalar:
+        return wrapped(angle - self.rest_angle, 2.0 * math.pi)
+
+
 class AppliedLoad(AbstractForce):
-    """A force and a torque on a body, given in global axes, constant or functions of time.
+    """A force and a torque on a body in global axes, constant or functions of time.
+
+    For a load that depends on the motion subclass `AbstractForce`.
 
     ```python
     import clearjoint as cj
@@ -92,13 +146,13 @@ class AppliedLoad(AbstractForce):
     **Arguments:**
 
     - `body`: its name.
-    - `force`: (3,) N, at `point`: (3,) m in body axes; `torque`: (3,) N m. Each component is a
-      number or a function of time, as of `DriveTorque`; in place of the three may stand a table
-      with values (N, 3), or a Python function of JAX's that gives three.
+    - `force`: (3,) N. `torque`: (3,) N m. Each component is a number or a function of time as for
+      `DriveTorque`. Instead of three components, a table with values (N, 3) or a Python function
+      that returns three numbers may be passed.
+    - `point`: where the force acts, (3,) m in body axes.
 
-    A load that changes with the motion is a subclass of `AbstractForce`.
-
-    **Raises:** `ValueError` for components that are neither, or not three.
+    **Raises:** `ValueError` if a component is neither a number nor a function of time, or their
+    number is not three.
 
     >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -113,23 +167,23 @@ class AppliedLoad(AbstractForce):
     point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
 
     def body_names(self) -> tuple[str, ...]:
-        """Name of the body that it acts on."""
+        """Return the name of the body."""
         return (self.body,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Where the force acts."""
+        """Return the point of the force."""
         return (("point", self.body, self.point),)
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """The load carried to the centre of mass."""
+        """Return the load as a wrench about the centre of mass."""
         motion = motions[self.body]
         force, torque = vector_at(self.force, t), vector_at(self.torque, t)
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
 
     def breakpoints(self) -> PyTree:
-        """Those of the components that are functions of time, s."""
+        """Return the breakpoints of the components that are functions of time, s."""
         return breakpoints_of(self.force, self.torque)
 
     def draw(self, pen: AbstractPen) -> None:
-        """An arrow, of the force at time zero."""
+        """Draw an arrow for the force at time zero."""
         pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))

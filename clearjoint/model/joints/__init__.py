@@ -1,2 +1,4 @@
-"""Ideal joints between bodies, and the constraint rows and motion subspaces of which they consist;
-what any element of a scene may do is in `base`."""
+"""Ideal joints between bodies, their constraint rows and motion subspaces.
+
+The interfaces of all elements of a scene are in `base`.
+"""

@@ -1,4 +1,4 @@
-"""The constraint rows that ideal joints are made of."""
+"""Constraint rows of which the ideal joints are composed."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,7 +16,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Jacobian and bias of direction . (velocity of a body-fixed point)."""
+    """Return Jacobian and bias of the velocity of a body-fixed point along a direction."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -29,7 +29,7 @@ def _negative(wrench: Wrench) -> Wrench:
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Three rows that keep a point of each body together; points in m, body axes (eq. 25).
+    """Return three rows that keep a point of each body together; points in m, body axes (eq. 25).
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -51,7 +51,7 @@ def coincident_points(
 def perpendicular(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """One row that keeps a direction of each body, in body axes, at a right angle.
+    """Return the row that keeps a direction of each body, in body axes, perpendicular.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -62,11 +62,13 @@ def perpendicular(
     a, b = first.direction(axis_first), second.direction(axis_second)
     b_in_first = first.rotation.transposed_times(b)
     a_in_second = second.rotation.transposed_times(a)
-    turn_first, turn_second = first.spin.cross(axis_first), second.spin.cross(axis_second)
+    rate_first, rate_second = first.spin.cross(axis_first), second.spin.cross(axis_second)
+    # Second derivative of a . b: centripetal terms of both directions, and twice the product of
+    # their rates.
     bias = (
-        first.spin.cross(turn_first).dot(b_in_first)
-        + second.spin.cross(turn_second).dot(a_in_second)
-        + 2.0 * first.direction(turn_first).dot(second.direction(turn_second))
+        first.spin.cross(rate_first).dot(b_in_first)
+        + second.spin.cross(rate_second).dot(a_in_second)
+        + 2.0 * first.direction(rate_first).dot(second.direction(rate_second))
     )
     jacobian = {
         names[0]: Wrench(ZERO, axis_first.cross(b_in_first)),
@@ -78,8 +80,10 @@ def perpendicular(
 def point_in_plane(
     names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
 ) -> Row:
-    """One row that keeps a point of the second body (`local`, m, its axes) in a plane of the first,
-    through `origin` and with the normal `axis` (m and unit vector, its axes).
+    """Return the row that keeps a point of the second body in a plane of the first.
+
+    `local` is the point, m, in the second body's axes. The plane contains `origin`, m, and has the
+    normal `axis`, a unit vector, both in the first body's axes.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -91,6 +95,7 @@ def point_in_plane(
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
+    # In the first body's axes the point has centripetal and Coriolis terms from this body's spin.
     velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
@@ -105,11 +110,11 @@ def point_in_plane(
 def turning_angle(
     names: Pair, first: Motion, second: Motion, axis: Vector, direction: Vector
 ) -> Row:
-    """One row: the angle, within (-pi, pi], of a direction of the second body about an axis of the
-    first, from the first of its `transverse_axes`.
+    """Return the angle of a direction of the second body about an axis of the first, as a row.
 
-    It is that of the direction's projection across the axis, so that its derivatives are exact
-    wherever the axes of both bodies point.
+    The angle is in rad within (-pi, pi], from the first of the axis' `transverse_axes` to the
+    direction's projection across the axis. Its derivatives are therefore exact for any relative
+    orientation.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -121,43 +126,47 @@ def turning_angle(
     start, quarter = transverse_axes(axis)
     cosine = perpendicular(names, first, second, start, direction)
     sine = perpendicular(names, first, second, quarter, direction)
+    # c and s are the projections across the axis. The angle is atan2(s, c), and its derivatives are
+    # valid for any length of the projected direction.
     c, s = cosine.value, sine.value
     inverse = 1.0 / (c * c + s * s)
     jacobian = {}
     for name in names:
-        turn = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
-        jacobian[name] = Wrench(ZERO, turn * inverse)
+        moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
+        jacobian[name] = Wrench(ZERO, moment * inverse)
     c_rate, s_rate = (
         add(first.power(row.jacobian[names[0]]), second.power(row.jacobian[names[1]]))
         for row in (cosine, sine)
     )
     rate = (c * s_rate - s * c_rate) * inverse
-    swing = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
-    return Row(polar_angle(s, c), jacobian, swing * inverse)
+    bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
+    return Row(polar_angle(s, c), jacobian, bias * inverse)
 
 
-def turning_about_axes(
+def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """`turning_angle` about an axis that both bodies have, in the axes of each, of any length.
+    """Return the `turning_angle` about an axis given in both bodies' axes, of any length, as a row.
 
-    Zero where the bodies' frames differ by the shortest turn between the axes' components.
+    It is zero if the frames differ by the shortest rotation between the axes' components.
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
+    # An axis and its opposite define the same joint. With the nearer one, the shortest rotation
+    # between the axes exists, and `direction` is `start` in the second body's axes.
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
 
 
 Pose = tuple[Vector, Matrix]
-"""Of a body: its position, global, and its rotation matrix."""
+"""Global position and rotation matrix of a body."""
 Velocities = tuple[Vector, Vector]
-"""Of a body: its velocity, global, and its spin in body axes."""
+"""Global velocity of a body, and its spin in body axes."""
 
 
 def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
-    """Time derivative of a pose: its velocity, and A' = A ~spin."""
+    """Return the time derivative of a pose: the velocity, and A' = A ~spin."""
     velocity, spin = velocities
     rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
     return velocity, Matrix(*(row.cross(spin) for row in rows))
@@ -170,17 +179,23 @@ def rows_from_residual(
     first: Motion,
     second: Motion,
 ) -> dict[str, Row]:
-    """Rows of a constraint given as a function of the two poses, by forward differentiation.
+    """Return the rows of a constraint given as a function of two poses, by differentiation.
 
-    **Arguments:** `residual` maps ((position, rotation matrix) of the first body, of the second)
-    to one scalar a label. For a joint of one's own where derivatives by hand are not worth it.
+    It is meant for user-defined joints; hand-written derivatives are faster.
+
+    **Arguments:**
+
+    - `names`: of the two bodies. `labels`: one for each row.
+    - `residual`: function of the first and the second body's (position, rotation matrix) that
+      returns one scalar per label.
+    - `first`, `second`: motions of the bodies.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> def residual(first, second):
     ...     return ((second[0] - first[0]).x,)
-    >>> rows = cj.rows_from_residual(names, ("x",), residual, ground, ball)
+    >>> rows = extend.rows_from_residual(names, ("x",), residual, ground, ball)
     >>> print(f"{rows['x'].value:.1f} m")
     0.1 m
     """
@@ -197,6 +212,8 @@ def rows_from_residual(
         pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
         return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
 
+    # The bias is the second derivative at constant velocities and spins. The Jacobian consists of
+    # the rates for unit velocities and spins.
     pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
     biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)
@@ -220,7 +237,7 @@ def _as_arrays(tree: PyTree) -> PyTree:
 
 
 def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
-    """Of two bodies: each of the twelve velocities and spins by itself, of size one."""
+    """Return the twelve unit velocities and unit spins of two bodies."""
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
     pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]

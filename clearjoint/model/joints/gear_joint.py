@@ -1,4 +1,4 @@
-"""The ideal mesh of two gears."""
+"""Ideal mesh of two gears."""
 
 import math
 from dataclasses import replace
@@ -14,7 +14,7 @@ from ...fields.checks import (
 )
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Quadruple, Single, Triple
-from ...math.periodic import wrapped
+from ...math.functions import wrapped
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.vectors import EulerParameters, Scalar, Vector
 from .base import AbstractConstraint, Motions, Row
@@ -26,7 +26,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
-    """Check a number of teeth."""
+    """Check that a number of teeth is whole and positive."""
     remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
     require_positive(argument, value, remedy)
     if (known := checkable(value)) is not None:
@@ -35,20 +35,19 @@ def _require_teeth(argument: str, value: ArrayLike) -> None:
 
 
 class GearJoint(AbstractConstraint):
-    """The ratio between the turns of two gears on a carrier, by the numbers of their teeth; one
-    row.
+    """Fixed speed ratio of two gears on a carrier, from their numbers of teeth; one row.
 
-    The carrier is the housing, most often "ground", or the moving arm of an epicyclic gear. Gears
-    turn against each other about axes that point the same way, unless one of them is `internal`, a
-    ring gear, or the two are pulleys of a belt. Angles of bevel gears count about axes of any
-    direction. The gear joint holds no axis: revolute joints beside it do, ideal or with clearance.
+    The carrier is the housing, usually "ground", or the moving arm of an epicyclic gear. The gears
+    rotate in opposite senses about axes of the same direction, unless `internal` is set for a ring
+    gear or for two pulleys of a belt. For bevel gears the axes may have any directions. The gear
+    joint doesn't hold the axes: add revolute joints, ideal or with clearance.
 
-    The mesh counts modulo a tooth, so that the number of turns is unlimited: of the teeth that
-    fit, the nearest meshes.
+    The angles are taken modulo a tooth, so that the number of revolutions is unlimited: the nearest
+    of the possible teeth meshes.
 
-    The multiplier is the moment on the first gear in N m. Moments on gears and carrier are those
-    of all teeth of the real ones; the force between teeth, which the bearings carry, is none of
-    the joint's.
+    The multiplier is the moment on the first gear in N m. The moments on gears and carrier equal
+    those of a real mesh, but the force between the teeth, which loads the bearings, is not
+    modelled.
 
     ```python
     import clearjoint as cj
@@ -61,14 +60,14 @@ class GearJoint(AbstractConstraint):
     - `carrier`, `first`, `second`: names of the bodies.
     - `axis_first`, `axis_second`: of the gears, (3,) in the carrier's axes, any length.
     - `teeth_first`, `teeth_second`: whole numbers.
-    - `internal`: whether the gears turn the same way.
-    - `offset`: rad, the first gear's angle where that of the second is zero.
-    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that turn
-      components in the gear's frame into the carrier's where the gear's angle is zero; parallel
-      frames by default.
+    - `internal`: whether the gears rotate in the same sense.
+    - `offset`: rad, the first gear's angle when the second gear's angle is zero.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
+      components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
+      default.
 
-    **Raises:** `ValueError` for numbers of teeth that are not whole and positive, and for axes and
-    orientations that no gear can have.
+    **Raises:** `ValueError` if a number of teeth is not whole and positive, or an axis or
+    orientation is invalid.
     """
 
     carrier: str = eqx.field(static=True)
@@ -86,25 +85,27 @@ class GearJoint(AbstractConstraint):
     def __check_init__(self):
         require_distinct(self.first, self.second)
         for gear in (self.first, self.second):
-            remedy = "name the body that bears the gears"
+            remedy = "name the body that carries the gears"
             require(self.carrier != gear, "carrier", gear, "another body than the gears", remedy)
 
     def body_names(self) -> tuple[str, ...]:
-        """Names of the carrier, the first and the second gear."""
+        """Return the names of the carrier, the first and the second gear."""
         return self.carrier, self.first, self.second
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """How far the first gear has turned out of the mesh, rad."""
+        """Return the angular error of the first gear, rad."""
         del t
-        first = self._turn(motions, self.first, self.axis_first, self.orientation_first)
-        second = self._turn(motions, self.second, self.axis_second, self.orientation_second)
+        first = self._angle(motions, self.first, self.axis_first, self.orientation_first)
+        second = self._angle(motions, self.second, self.axis_second, self.orientation_second)
         ratio = self.teeth_second / self.teeth_first
         mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
-    def _turn(self, motions: Motions, gear: str, axis: Vector, orientation: EulerParameters) -> Row:
-        """The gear's angle against the carrier, rad."""
+    def _angle(
+        self, motions: Motions, gear: str, axis: Vector, orientation: EulerParameters
+    ) -> Row:
+        """Return the gear's angle relative to the carrier, rad, as a row."""
         start, _ = transverse_axes(unit(axis))
         direction = rotation_matrix(orientation).transposed_times(start)
         pair = motions[self.carrier], motions[gear]

@@ -1,28 +1,32 @@
-"""Ideal joints as constraints: spherical (eq. 25), revolute (eq. 26), fixed, and sliding ones."""
+"""Ideal joints: spherical (eq. 25), revolute (eq. 26), fixed, sliding, and a massless rod."""
 
 from typing import TypeVar
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_euler_parameters, require_point
+from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import quantity
-from ...fields.types import Quadruple, Triple
+from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import AbstractConstraint, Motions, Row
-from .constraint_rows import coincident_points, perpendicular, point_in_plane, turning_about_axes
+from .constraint_rows import (
+    coincident_points,
+    perpendicular,
+    point_in_plane,
+    relative_angle_row,
+)
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
 from .pairs import AbstractPairAtPoints
+from .row_combinations import distance_row
 
 T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
-    """An ideal joint between two bodies at a point of each."""
+    """An ideal joint between a point of one body and a point of another."""
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
-        """What belongs to the first and the second body, the parent's before the child's."""
+        """Return the values of the first and the second body, with the parent's value first."""
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
@@ -56,66 +60,66 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
 
 class AbstractAxisJoint(AbstractPairJoint):
-    """An ideal joint that keeps an axis of each body parallel."""
+    """An ideal joint that keeps an axis of one body parallel to an axis of the other."""
 
-    axis_first: eqx.AbstractVar[Triple]
-    axis_second: eqx.AbstractVar[Triple]
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Two rows that keep the first body's axis at a right angle to two directions across the
-        second's."""
+        """Return two rows that keep the first body's axis perpendicular to two transverse axes of
+        the second body's axis."""
         across = transverse_axes(unit(self.axis_second))
         return {
             label: self._perpendicular(motions, unit(self.axis_first), direction)
             for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
         }
 
-    def turn(self, motions: Motions) -> Row:
-        """The angle in rad, within (-pi, pi], as a row."""
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the relative angle in rad, within (-pi, pi], as a row."""
         names = (self.first, self.second)
         first, second = motions[self.first], motions[self.second]
-        return turning_about_axes(names, first, second, self.axis_first, self.axis_second)
+        return relative_angle_row(names, first, second, self.axis_first, self.axis_second)
 
 
 class SphericalJoint(AbstractPairJoint):
-    """A point of each body coincide; three rows (eq. 25).
+    """Keeps a point of one body at a point of the other; three rows (eq. 25).
 
-    **Arguments:** names of the bodies, and the joint's point on each, (3,) m in body axes.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
-    >>> {name: float(row.value) for name, row in rows.items()}  # m, by which the points are apart
+    >>> {name: float(row.value) for name, row in rows.items()}  # m, components of the distance
     {'translation x': 0.5, 'translation y': 0.0, 'translation z': 0.0}
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Three translations that are held, in m."""
+        """Return the three components of the distance between the points, m."""
         del t
         return self._coincidence(motions)
 
-    def freedom(self, parent: str) -> Ball:
-        """The second body turns freely about the joint's point."""
+    def motion_subspace(self, parent: str) -> Ball:
+        """Return free rotation about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A ball."""
+        """Draw a ball."""
         pen.ball(*self.ends())
 
 
 class RevoluteJoint(AbstractAxisJoint):
-    """Points coincide and axes stay parallel; five rows.
+    """Keeps two points together and two axes parallel; five rows.
 
-    The cross product of eq. (26) has three rows of rank two. Here the first body's axis is kept at
-    a right angle to two directions across the second body's axis: independent in every orientation.
+    The cross product of eq. (26) has three rows of rank two. Instead, the first body's axis is kept
+    perpendicular to two transverse axes of the second body's axis. These rows are independent in
+    every orientation.
 
-    **Arguments:** as `SphericalJoint`, and the axis on each body, (3,) in body axes, any length.
+    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the axis on each body,
+    (3,) in body axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -124,34 +128,28 @@ class RevoluteJoint(AbstractAxisJoint):
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Three translations and two tilts."""
+        """Return three translations, m, and two tilts, which are dot products of unit vectors."""
         del t
         return self._coincidence(motions) | self._tilts(motions)
 
-    def freedom(self, parent: str) -> Hinge:
-        """The second body turns about the axis."""
+    def motion_subspace(self, parent: str) -> Hinge:
+        """Return rotation about the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
-        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return Hinge(*points, here, aligning(there, here))
+        in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return Hinge(*points, in_child, aligning(in_parent, in_child))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A pin."""
+        """Draw a pin."""
         pen.pin(*self.ends(self.axis_first, self.axis_second))
 
 
 class FixedJoint(AbstractPairJoint):
-    """Two bodies that move as one; six rows.
+    """Holds two bodies rigidly together; six rows.
 
-    **Arguments:** as `SphericalJoint`, and `orientation`: (4,) Euler parameters, scalar first, that
-    turn components in the second body's frame into the first body's; parallel frames by default.
+    **Arguments:** as for `SphericalJoint`, and `orientation`: (4,) Euler parameters, scalar first,
+    that transform components in the second body's frame to the first body's frame; parallel frames
+    by default.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -160,36 +158,37 @@ class FixedJoint(AbstractPairJoint):
     ['translation x', 'translation y', 'translation z', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     orientation: Quadruple = quantity(
         "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
     )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Three translations and three rotations."""
+        """Return three translations, m, and three rotations.
+
+        The rotations are dot products of unit vectors.
+        """
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
-    def freedom(self, parent: str) -> Weld:
-        """No motion at all: the bodies are one."""
+    def motion_subspace(self, parent: str) -> Weld:
+        """Return a subspace without motion."""
         points = self._ordered(parent, self.point_first, self.point_second)
-        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
-        return Weld(*points, turn)
+        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        return Weld(*points, orientation)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A weld."""
+        """Draw a weld."""
         pen.weld(*self.ends())
 
 
 class InlineJoint(AbstractPairJoint):
-    """A point of the second body stays on a line of the first; two rows.
+    """Keeps a point of the second body on a line of the first; two rows.
 
-    **Arguments:** as `SphericalJoint`, and the line's `axis` on the first body, (3,) in its axes,
-    any length. With the axis across a planar mechanism it is a pin that adds no redundant
-    constraint to those that already hold the bodies in the plane.
+    If its axis is perpendicular to a planar mechanism, and other joints hold the bodies in the
+    plane, it is a pin without redundant constraints.
+
+    **Arguments:** as for `SphericalJoint`, and `axis`: direction of the line through the point on
+    the first body, (3,) in that body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -198,26 +197,22 @@ class InlineJoint(AbstractPairJoint):
     ['offset 1', 'offset 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Two translations across the line."""
+        """Return two components of the point's distance from the line, m."""
         del t
         return self._point_on_line(motions, self.axis)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A sleeve on a rail."""
+        """Draw a sleeve on a rail."""
         pen.slide(*self.ends(self.axis), turning=True)
 
 
 class CylindricalJoint(AbstractAxisJoint):
-    """Bodies that turn about a common axis and slide along it; four rows.
+    """Allows rotation about a common axis and sliding along it; four rows.
 
-    **Arguments:** as `RevoluteJoint`.
+    **Arguments:** as for `RevoluteJoint`.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -226,28 +221,24 @@ class CylindricalJoint(AbstractAxisJoint):
     ['offset 1', 'offset 2', 'tilt 1', 'tilt 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Two translations and two tilts."""
+        """Return two translations across the axis, m, and two tilts.
+
+        The tilts are dot products of unit vectors.
+        """
         del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A sleeve on a rail."""
+        """Draw a sleeve on a rail."""
         pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
 
 
 class PrismaticJoint(AbstractPairJoint):
-    """The second body slides along an axis of the first without turning; five rows.
+    """Allows sliding along an axis of the first body without rotation; five rows.
 
-    **Arguments:** as `FixedJoint`, and the `axis` on the first body, (3,) in its axes, any length;
-    the joint's point on the second body stays on the line along it through that on the first.
+    **Arguments:** as for `FixedJoint`, and `axis`: (3,) in the first body's axes, any length. The
+    point on the second body stays on the line through the point on the first body.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -256,30 +247,60 @@ class PrismaticJoint(AbstractPairJoint):
     ['offset 1', 'offset 2', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     axis: Triple = quantity("1", check=require_axis)
     orientation: Quadruple = quantity(
         "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
     )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Two translations across the axis and three rotations."""
-        del t
-        held = self._same_orientation(motions, self.orientation)
-        return self._point_on_line(motions, self.axis) | held
+        """Return two translations across the axis, m, and three rotations.
 
-    def freedom(self, parent: str) -> Slider:
-        """The second body slides along the axis."""
+        The rotations are dot products of unit vectors.
+        """
+        del t
+        rotations = self._same_orientation(motions, self.orientation)
+        return self._point_on_line(motions, self.axis) | rotations
+
+    def motion_subspace(self, parent: str) -> Slider:
+        """Return sliding along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
-        turn, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
+        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
-        _, here = self._ordered(parent, axis, in_second)
-        return Slider(*points, here, turn)
+        _, in_child = self._ordered(parent, axis, in_second)
+        return Slider(*points, in_child, orientation)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A block on a rail."""
+        """Draw a block on a rail."""
         pen.slide(*self.ends(self.axis), turning=False)
+
+
+class DistanceJoint(AbstractPairJoint):
+    """A massless rod between a point of one body and a point of another; one row.
+
+    The multiplier is the force in the rod in N, positive in compression. `MasslessLink` uses the
+    same constraint for a journal that stays in contact with its bearing.
+
+    **Arguments:** as for `SphericalJoint`, and `length`: m, of the rod.
+
+    **Raises:** `ValueError` if the length is not positive.
+
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motions = {"ground": still, "arm": still}
+    >>> rod = cj.DistanceJoint("ground", "arm", (0, 0, 0), (0.5, 0, 0), length=0.5)
+    >>> rows = extend.unpack(rod).rows(motions, 0.0)
+    >>> {name: float(row.value) for name, row in rows.items()}
+    {'length': 0.0}
+    """
+
+    length: Single = quantity("m", shape=(), positive=True, remedy="give the rod's length in m")
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return (d^2 - l^2)/(2 l), m, for the distance d and the length l."""
+        del t
+        apart = self._coincidence(motions).values()
+        return {"length": distance_row(apart, self.length, motions)}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a rod."""
+        pen.rod(*self.ends())

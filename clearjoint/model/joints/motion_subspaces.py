@@ -1,9 +1,9 @@
-"""The motions that ideal joints leave free, for coordinates that follow them.
+"""Motion subspaces: the relative motions that ideal joints allow, for joint coordinates.
 
-A freedom describes how a *child* body moves against its *parent*: the joint's point on the child
-may slide away from that on the parent, and the child may turn about it. Displacements, velocities
-and spins have components in the child's axes, in which the directions of motion of the usual joints
-are constant.
+A motion subspace describes the motion of a *child* body relative to its *parent*: the joint's point
+on the child may slide away from the point on the parent, and the child may rotate about it.
+Displacements, velocities and spins have components in the child's axes, because the usual joints
+have constant directions of motion in these axes.
 """
 
 import abc
@@ -39,21 +39,21 @@ from ...math.vectors import (
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """A spin of the child and a velocity of its joint's point, against the parent.
+    """Spin of the child, rad/s, and velocity of its joint's point, m/s, relative to the parent.
 
-    >>> twist = extend.Twist(turn=extend.UNIT_Z, slide=extend.ZERO) * 2.0
-    >>> twist.turn.z
+    >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
+    >>> twist.angular.z
     2.0
     """
 
-    turn: Vector
-    slide: Vector
+    angular: Vector
+    linear: Vector
 
     def __add__(self, other: "Twist") -> "Twist":
-        return Twist(self.turn + other.turn, self.slide + other.slide)
+        return Twist(self.angular + other.angular, self.linear + other.linear)
 
     def __mul__(self, factor: Scalar) -> "Twist":
-        return Twist(self.turn * factor, self.slide * factor)
+        return Twist(self.angular * factor, self.linear * factor)
 
 
 REST = Twist(ZERO, ZERO)
@@ -61,10 +61,12 @@ REST = Twist(ZERO, ZERO)
 
 @dataclass(frozen=True, slots=True)
 class Relative:
-    """Pose and twist of a child against its parent.
+    """Pose and twist of a child relative to its parent.
 
-    `orientation` turns the child's components into the parent's; `displacement` leads from the
-    parent's point to the child's, in the child's axes, in which its rate is ``twist.slide``.
+    - `orientation`: transforms components in the child's axes to the parent's.
+    - `displacement`: from the parent's point to the child's, m in the child's axes; its rate in
+      these axes is ``twist.linear``.
+    - `twist`: spin, rad/s, and velocity, m/s, in the child's axes.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -78,10 +80,10 @@ class Relative:
 
 
 class JointState(eqx.Module):
-    """Variables of one joint.
+    """Joint coordinates of one joint.
 
     - `position`: an angle in rad, a distance in m, Euler parameters, or any other PyTree.
-    - `speeds`: one for each degree of freedom, rad/s or m/s.
+    - `speeds`: one per degree of freedom, rad/s or m/s.
 
     >>> extend.JointState(position=0.5, speeds=(2.0,)).speeds  # a hinge: rad, rad/s
     (2.0,)
@@ -91,16 +93,16 @@ class JointState(eqx.Module):
     speeds: tuple[Scalar, ...]
 
 
-class AbstractFreedom(eqx.Module):
+class AbstractMotionSubspace(eqx.Module):
     """The relative motion that a joint allows.
 
     `point_parent` and `point_child` are the joint's points, m in each body's axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
-    >>> freedom = extend.unpack(hinge).freedom("ground")
-    >>> (column,) = freedom.columns(0.0)  # one speed
-    >>> print(f"{abs(column.turn.z):.1f}")
+    >>> subspace = extend.unpack(hinge).motion_subspace("ground")
+    >>> (column,) = subspace.columns(0.0)  # one speed
+    >>> print(f"{abs(column.angular.z):.1f}")
     1.0
     """
 
@@ -109,86 +111,98 @@ class AbstractFreedom(eqx.Module):
 
     @abc.abstractmethod
     def encode(self, relative: Relative) -> JointState:
-        """The variables of a relative motion that the joint allows."""
+        """Return position and speeds of the joint for a relative motion that the joint allows."""
 
     @abc.abstractmethod
     def orientation(self, position: PyTree) -> EulerParameters:
-        """Euler parameters, of any norm, that turn the child's components into the parent's."""
+        """Return Euler parameters that transform the child's components to the parent's.
+
+        Their norm need not be 1.
+        """
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """For each speed, the relative twist that a value of one gives."""
+        """Return the relative twist for 1 rad/s or 1 m/s of each speed, in the child's axes."""
 
     @abc.abstractmethod
     def rates(self, state: JointState) -> PyTree:
-        """Time derivative of the position."""
+        """Return the time derivative of the position."""
 
     @abc.abstractmethod
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """The position after a small motion along the columns."""
+        """Return the position after a small motion along the columns.
+
+        **Arguments:** `changes`: rad or m, one for each speed.
+        """
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """The same position, without what numbers gather in many steps: whole turns of an angle, a
-        norm that drifts. Called at the end of each step; by default the position as it is."""
+        """Return an equivalent position without accumulated revolutions of an angle or drift of a
+        norm.
+
+        It is called at the end of each step. The default returns the position unchanged.
+        """
         return position
 
     def rotation(self, position: PyTree) -> Matrix:
-        """The matrix that turns the child's components into the parent's."""
+        """Return the matrix that transforms the child's components to the parent's."""
         return rotation_matrix(self.orientation(position))
 
     def displacement(self, position: PyTree) -> Vector:
-        """From the parent's point to the child's, child's axes; none unless the joint slides."""
+        """Return the vector from the parent's point to the child's in the child's axes, m; zero by
+        default."""
         del position
         return ZERO
 
     def bias(self, state: JointState) -> Twist:
-        """Rate of the relative twist at constant speeds, in the child's axes; zero for constant
-        columns."""
+        """Return the rate of the relative twist at constant speeds, in the child's axes.
+
+        Its unit is rad/s^2 and m/s^2. It is zero, the default, if the columns are constant.
+        """
         del state
         return REST
 
     def twist(self, state: JointState) -> Twist:
-        """Twist of the child against the parent: the columns times the speeds."""
+        """Return the child's relative twist, rad/s and m/s: the columns times the speeds."""
         parts = zip(self.columns(state.position), state.speeds, strict=True)
         return sum((column * speed for column, speed in parts), REST)
 
 
-class Weld(AbstractFreedom):
-    """No motion at all. `reference` turns the child's components into the parent's."""
+class Weld(AbstractMotionSubspace):
+    """No relative motion. `reference` transforms the child's components to the parent's."""
 
     point_parent: Vector
     point_child: Vector
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """A state without position and speeds."""
+        """Return a state without position and speeds."""
         del relative
         return JointState((), ())
 
     def orientation(self, position: PyTree) -> EulerParameters:
-        """The `reference`, whatever the position."""
+        """Return the constant `reference`."""
         del position
         return self.reference
 
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """No columns, since there are no speeds."""
+        """Return no columns."""
         del position
         return ()
 
     def rates(self, state: JointState) -> PyTree:
-        """The rate of a position without numbers."""
+        """Return the rate of an empty position."""
         return state.position
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """The position without numbers."""
+        """Return the empty position."""
         del changes
         return position
 
 
-class Hinge(AbstractFreedom):
-    """Turning by an angle (rad) about `axis`, a unit vector in the child's axes.
+class Hinge(AbstractMotionSubspace):
+    """Rotation by an angle (rad) about `axis`, a unit vector in the child's axes.
 
-    `reference` turns the child's components into the parent's at angle zero; see `aligning`.
+    `reference` transforms the child's components to the parent's at angle zero; see `aligning`.
     """
 
     point_parent: Vector
@@ -197,24 +211,33 @@ class Hinge(AbstractFreedom):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """The angle, within (-2 pi, 2 pi], and its rate.
+        """Return the angle of rotation, rad, within (-2 pi, 2 pi], and its rate, rad/s.
 
-        Over two turns, not one: so the Euler parameters come back with their sign.
+        The range is two revolutions because Euler parameters depend on half the angle: after one
+        revolution they have the opposite sign.
         """
-        turn = composed(conjugate(self.reference), relative.orientation)
-        vector = Vector(turn.e1, turn.e2, turn.e3)
-        angle = 2.0 * polar_angle(vector.dot(self.axis), turn.e0)
-        return JointState(angle, (relative.twist.turn.dot(self.axis),))
+        rotation = composed(conjugate(self.reference), relative.orientation)
+        vector = Vector(rotation.e1, rotation.e2, rotation.e3)
+        angle = 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
+        return JointState(angle, (relative.twist.angular.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """The reference, turned by the angle about the axis."""
+        """Return Euler parameters that transform the child's components to the parent's.
+
+        They combine the constant `reference` with a rotation by the angle `position`, rad, about
+        the axis.
+        """
         vector = self.axis * sine_of(0.5 * position)
-        turn = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
-        return composed(self.reference, turn)
+        rotation = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
+        return composed(self.reference, rotation)
 
     def rotation(self, position: Scalar) -> Matrix:
-        """R (b b^T + cos (1 - b b^T) + sin ~b) with constant R, so that two products an entry are
-        left, and none where they are zeros and ones."""
+        """Return the matrix that transforms the child's components to the parent's.
+
+        It is R (b b^T + cos(angle) (1 - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
+        the axis b, and the matrix ~b of the cross product with b. This form has two products per
+        entry, and none for the entries that are exactly 0 or 1.
+        """
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
         def row(reference: Vector) -> Vector:
@@ -225,62 +248,62 @@ class Hinge(AbstractFreedom):
         return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """A turn about the axis at 1 rad/s."""
+        """Return a rotation about the axis at 1 rad/s."""
         del position
         return (Twist(self.axis, ZERO),)
 
     def rates(self, state: JointState) -> Scalar:
-        """Rate of the angle, rad/s."""
+        """Return the rate of the angle, rad/s."""
         return state.speeds[0]
 
     def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """The angle plus the change, rad."""
+        """Return the angle plus the change, rad."""
         return add(position, changes[0])
 
     def without_drift(self, position: Scalar) -> Scalar:
-        """The angle within two turns, as `encode` gives it."""
+        """Return the angle within the range of `encode`."""
         return within_two_turns(position)
 
 
-class Ball(AbstractFreedom):
-    """Turning freely: relative Euler parameters, and relative spin in the child's axes."""
+class Ball(AbstractMotionSubspace):
+    """Free rotation: relative Euler parameters, and relative spin in the child's axes."""
 
     point_parent: Vector
     point_child: Vector
 
     def encode(self, relative: Relative) -> JointState:
-        """Relative orientation and spin."""
-        spin = relative.twist.turn
+        """Return relative orientation, and relative spin in the child's axes, rad/s."""
+        spin = relative.twist.angular
         return JointState(relative.orientation, (spin.x, spin.y, spin.z))
 
     def orientation(self, position: EulerParameters) -> EulerParameters:
-        """The Euler parameters themselves."""
+        """Return the Euler parameters unchanged."""
         return position
 
     def columns(self, position: EulerParameters) -> tuple[Twist, ...]:
-        """Turns about the child's axes at 1 rad/s."""
+        """Return rotations about the child's axes at 1 rad/s."""
         del position
         return tuple(Twist(axis, ZERO) for axis in (UNIT_X, UNIT_Y, UNIT_Z))
 
     def rates(self, state: JointState) -> EulerParameters:
-        """Rates of the Euler parameters, 1/s."""
+        """Return the rates of the Euler parameters, 1/s."""
         return euler_parameter_rates(state.position, Vector(*state.speeds))
 
     def after_displacement(
         self, position: EulerParameters, changes: tuple[Scalar, ...]
     ) -> EulerParameters:
-        """The Euler parameters after a small turn (rad, child's axes)."""
+        """Return the Euler parameters after a small rotation (rad, child's axes)."""
         return turned(position, Vector(*changes))
 
     def without_drift(self, position: EulerParameters) -> EulerParameters:
-        """The Euler parameters, brought back to unit norm."""
+        """Return the Euler parameters normalised to one."""
         return kept_unit(position)
 
 
-class Slider(AbstractFreedom):
-    """Sliding by a distance (m) along `axis`, a unit vector in the child's axes.
+class Slider(AbstractMotionSubspace):
+    """Translation by a distance (m) along `axis`, a unit vector in the child's axes.
 
-    `reference` turns the child's components into the parent's.
+    `reference` transforms the child's components to the parent's.
     """
 
     point_parent: Vector
@@ -289,44 +312,48 @@ class Slider(AbstractFreedom):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Distance along the axis in m, and its rate in m/s."""
+        """Return the distance along the axis in m and its rate in m/s."""
         distance = relative.displacement.dot(self.axis)
-        return JointState(distance, (relative.twist.slide.dot(self.axis),))
+        return JointState(distance, (relative.twist.linear.dot(self.axis),))
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """The `reference`, whatever the position."""
+        """Return the constant `reference`."""
         del position
         return self.reference
 
     def displacement(self, position: Scalar) -> Vector:
-        """The distance along the axis, as a vector in m."""
+        """Return the distance along the axis as a vector in m."""
         return self.axis * position
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """A motion along the axis at 1 m/s."""
+        """Return a translation along the axis at 1 m/s."""
         del position
         return (Twist(ZERO, self.axis),)
 
     def rates(self, state: JointState) -> Scalar:
-        """Rate of the distance, m/s."""
+        """Return the rate of the distance, m/s."""
         return state.speeds[0]
 
     def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """The distance plus the change, m."""
+        """Return the distance plus the change, m."""
         return add(position, changes[0])
 
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
-    """Euler parameters, not normalised, of a turn that takes the second direction to the first.
+    """Return Euler parameters, not normalised, of a rotation from the second direction to the
+    first.
 
-    Equal directions give the identity to the last bit.
+    Equal directions give exactly the identity.
     """
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """The shortest turn of the zeta axis to a unit vector, after a half turn about xi where the
-    vector points backwards."""
+    """Return the shortest rotation from the zeta axis to a unit vector.
+
+    For a vector with a negative zeta component it is preceded by half a revolution about xi,
+    because the shortest rotation is singular for the opposite direction.
+    """
     if isinstance(axis.z, int | float):
         return _forwards(axis) if axis.z >= 0.0 else _backwards(axis)
     both = zip(_parts(_forwards(axis)), _parts(_backwards(axis)), strict=True)

@@ -1,15 +1,16 @@
-"""Elements between two bodies, and the two points that some of them join."""
+"""Base classes of elements between two bodies."""
 
 import equinox as eqx
 
-from ...fields.checks import require
+from ...fields.checks import require, require_point
+from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ..pen import Marker
 from .base import AbstractElement, Attachment
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Check that an element connects two different bodies by name."""
+    """Check that an element connects two different bodies."""
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")
@@ -25,18 +26,20 @@ class AbstractPair(AbstractElement):
         require_distinct(self.first, self.second)
 
     def body_names(self) -> tuple[str, ...]:
-        """Names of the first and the second body."""
+        """Return the names of the first and the second body."""
         return self.first, self.second
 
 
 class AbstractPairAtPoints(AbstractPair):
-    """An element between two different bodies at a point of each, (3,) m in body axes."""
+    """An element between a point of one body and a point of another, (3,) m in body axes."""
 
-    point_first: eqx.AbstractVar[Triple]
-    point_second: eqx.AbstractVar[Triple]
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Its point on each body."""
+        """Return the element's point on each body."""
         return (
             ("point_first", self.first, self.point_first),
             ("point_second", self.second, self.point_second),
@@ -45,6 +48,6 @@ class AbstractPairAtPoints(AbstractPair):
     def ends(
         self, axis_first: Triple | None = None, axis_second: Triple | None = None
     ) -> tuple[Marker, Marker]:
-        """Its points, with an axis there of each body, (3,) in its axes, where there is one."""
+        """Return markers of its points, with the optional axis of each body, (3,) in body axes."""
         first = Marker(self.first, self.point_first, axis_first)
         return first, Marker(self.second, self.point_second, axis_second)

@@ -1,28 +1,110 @@
-"""The planar joint."""
+"""The planar joint and its motion subspace."""
 
-import equinox as eqx
-
-from ...fields.checks import require_axis, require_point
-from ...fields.declarations import quantity
-from ...fields.types import Triple
-from ...math.rotations import unit
-from ...math.vectors import Scalar
+from ...math.rotations import transverse_axes, unit
+from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
-from .motion_subspaces import aligning
-from .planar_motion import PlanarMotion
+from .motion_subspaces import (
+    AbstractMotionSubspace,
+    Hinge,
+    JointState,
+    Relative,
+    Twist,
+    aligning,
+)
+
+Position = tuple[Scalar, Scalar, Scalar]
+"""Two distances, m, and an angle, rad."""
+
+
+class PlanarMotion(AbstractMotionSubspace):
+    """Translation by two distances (m) in a plane of the parent, and rotation by an angle (rad).
+
+    `normal_parent` and `normal_child` are unit vectors, each in the axes of its body; `reference`
+    transforms the child's components to the parent's at angle zero. The distances are along the
+    parent's axes: along the child's axes the columns would be constant, but the distances would
+    oscillate as the child rotates.
+    """
+
+    point_parent: Vector
+    point_child: Vector
+    normal_parent: Vector
+    normal_child: Vector
+    reference: EulerParameters
+
+    def encode(self, relative: Relative) -> JointState:
+        """Return the two distances, the angle within (-2 pi, 2 pi], and their rates."""
+        hinge = self._hinge().encode(relative)
+        rotation = self.rotation((0.0, 0.0, hinge.position))
+        apart, spin = relative.displacement, relative.twist.angular
+        offset = rotation @ apart
+        velocity = rotation @ (relative.twist.linear + spin.cross(apart))
+        first, second = transverse_axes(self.normal_parent)
+        return JointState(
+            (offset.dot(first), offset.dot(second), hinge.position),
+            (velocity.dot(first), velocity.dot(second), *hinge.speeds),
+        )
+
+    def orientation(self, position: Position) -> EulerParameters:
+        """Return the reference rotated by the angle about the normal."""
+        return self._hinge().orientation(position[2])
+
+    def rotation(self, position: Position) -> Matrix:
+        """Return the hinge's matrix, which is cheaper than the one from Euler parameters."""
+        return self._hinge().rotation(position[2])
+
+    def displacement(self, position: Position) -> Vector:
+        """Return the vector from the parent's point to the child's, child's axes, m."""
+        return self._in_child(position[:2], position)
+
+    def columns(self, position: Position) -> tuple[Twist, ...]:
+        """Return translations along two axes of the parent at 1 m/s, and a rotation at 1 rad/s."""
+        directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
+        apart = self.displacement(position)
+        rotation = Twist(self.normal_child, apart.cross(self.normal_child))
+        return (*(Twist(ZERO, direction) for direction in directions), rotation)
+
+    def bias(self, state: JointState) -> Twist:
+        """Return the twist rate from the rotation of the parent's axes relative to the child."""
+        first, second, speed = state.speeds
+        spin = self.normal_child * speed
+        velocity = self._in_child((first, second), state.position)
+        apart = self.displacement(state.position)
+        return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
+
+    def rates(self, state: JointState) -> Position:
+        """Return the rates of the distances, m/s, and of the angle, rad/s."""
+        first, second, angular = state.speeds
+        return first, second, angular
+
+    def after_displacement(self, position: Position, changes: tuple[Scalar, ...]) -> Position:
+        """Return the position plus the changes."""
+        first, second, angle = map(add, position, changes)
+        return first, second, angle
+
+    def without_drift(self, position: Position) -> Position:
+        """Return the position with the angle within the range of `encode`."""
+        return position[0], position[1], self._hinge().without_drift(position[2])
+
+    def _hinge(self) -> Hinge:
+        return Hinge(self.point_parent, self.point_child, self.normal_child, self.reference)
+
+    def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
+        """Return a vector of the plane in the child's axes."""
+        first, second = transverse_axes(self.normal_parent)
+        vector = first * across[0] + second * across[1]
+        return self.rotation(position).transposed_times(vector)
 
 
 class PlanarJoint(AbstractAxisJoint):
-    """A body that slides on a plane of another and turns about its normal, as a plate on a table;
-    three rows.
+    """Allows sliding in a plane and rotation about its normal, as a plate on a table; three rows.
 
-    **Arguments:** as `SphericalJoint`, and `axis_first`, `axis_second`: the plane's normal, (3,) in
-    the axes of each body, any length. The plane goes through the point of each body.
+    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the plane's normal,
+    (3,) in the axes of each body, any length. The plane contains the point of each body.
 
-    **Raises:** `ValueError` for points and axes that no joint can have.
+    **Raises:** `ValueError` if a point or axis is invalid.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -31,27 +113,20 @@ class PlanarJoint(AbstractAxisJoint):
     ['height', 'tilt 1', 'tilt 2']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
-
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The height above the plane, m, and two tilts."""
+        """Return the height above the plane, m, and two tilts."""
         del t
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         normal = unit(self.axis_first)
         height = point_in_plane(names, *pair, self.point_first, normal, self.point_second)
         return {"height": height} | self._tilts(motions)
 
-    def freedom(self, parent: str) -> PlanarMotion:
-        """The second body slides along the plane and turns about its normal."""
+    def motion_subspace(self, parent: str) -> PlanarMotion:
+        """Return sliding in the plane and rotation about its normal."""
         points = self._ordered(parent, self.point_first, self.point_second)
-        there, here = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(*points, there, here, aligning(there, here))
+        in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return PlanarMotion(*points, in_parent, in_child, aligning(in_parent, in_child))
 
     def draw(self, pen: AbstractPen) -> None:
-        """A plane."""
+        """Draw a plane."""
         pen.plane(*self.ends(self.axis_first, self.axis_second))

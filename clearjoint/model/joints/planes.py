@@ -1,9 +1,10 @@
-"""Ideal joints that hold a point or a line of one body in a plane of another: what a pin in a slot
-and a slider in a guide are without play, in a mechanism whose other joints are planar."""
+"""Ideal joints that hold a point or a line of one body in a plane of another.
 
-import equinox as eqx
+They are a pin in a slot and a slider in a guide without clearance, for mechanisms whose other
+joints are planar.
+"""
 
-from ...fields.checks import require_axis, require_point
+from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import unit
@@ -15,12 +16,12 @@ from .ideal import AbstractPairJoint
 
 
 class PointInPlaneJoint(AbstractPairJoint):
-    """A point of the second body stays in a plane of the first; one row.
+    """Keeps a point of the second body in a plane of the first; one row.
 
-    A pin in a slot without play, whose walls are parallel to the plane.
+    It models a pin in a slot without clearance, with walls parallel to the plane.
 
-    **Arguments:** as `SphericalJoint`; the plane goes through the point on the first body, at a
-    right angle to the `normal`, (3,) in that body's axes, any length.
+    **Arguments:** as for `SphericalJoint`; the plane contains the point on the first body and is
+    perpendicular to `normal`, (3,) in that body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -30,29 +31,25 @@ class PointInPlaneJoint(AbstractPairJoint):
     {'height': 0.1}
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     normal: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The height over the plane, m."""
+        """Return one row: the height of the second body's point above the plane, m."""
         del t
         return {"height": _height(self, motions)}
 
     def draw(self, pen: AbstractPen) -> None:
-        """A plane."""
+        """Draw the plane."""
         pen.plane(*self.ends(self.normal))
 
 
 class LineInPlaneJoint(AbstractPairJoint):
-    """A line of the second body stays in a plane of the first; two rows.
+    """Keeps a line of the second body in a plane of the first; two rows.
 
-    A slider between two walls without play, which may slide anywhere along them.
+    It models a slider between two walls without clearance, which slides freely along them.
 
-    **Arguments:** as `PointInPlaneJoint`; the line goes through the point on the second body along
-    the `axis`, (3,) in that body's axes, any length.
+    **Arguments:** as for `PointInPlaneJoint`; the line contains the point on the second body and is
+    parallel to `axis`, (3,) in that body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -62,26 +59,24 @@ class LineInPlaneJoint(AbstractPairJoint):
     ['height', 'tilt']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
     normal: Triple = quantity("1", check=require_axis)
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """The point's height over the plane, m, and the line's tilt."""
+        """Return two rows: the height of the second body's point above the plane, m; and the tilt.
+
+        The tilt is the sine of the angle between the line and the plane.
+        """
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return {"height": _height(self, motions), "tilt": tilt}
 
     def draw(self, pen: AbstractPen) -> None:
-        """A plane."""
+        """Draw a plane."""
         pen.plane(*self.ends(self.normal))
 
 
 def _height(joint: PointInPlaneJoint | LineInPlaneJoint, motions: Motions) -> Row:
-    """The row that keeps the joint's point of the second body in the plane."""
     names = joint.first, joint.second
     first, second = (motions[name] for name in names)
     normal = unit(joint.normal)

@@ -1,30 +1,28 @@
-"""The screw joint."""
+"""The screw joint and its motion subspace."""
 
 import math
 from dataclasses import replace
 
-import equinox as eqx
-
-from ...fields.checks import checkable, require, require_axis, require_point, require_shape
+from ...fields.checks import checkable, require, require_shape
 from ...fields.declarations import quantity
-from ...fields.types import ArrayLike, Single, Triple
-from ...math.functions import where
-from ...math.periodic import wrapped
+from ...fields.types import ArrayLike, Single
+from ...math.functions import where, wrapped
 from ...math.rotations import unit
 from ...math.vectors import EulerParameters, Matrix, Scalar, Vector, add
 from ..pen import AbstractPen
 from .base import Motions, Row
 from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint
-from .motion_subspaces import AbstractFreedom, Hinge, JointState, Relative, Twist
+from .motion_subspaces import AbstractMotionSubspace, Hinge, JointState, Relative, Twist
 from .row_combinations import scaled_row, sum_of_rows
 
 
-class ScrewMotion(AbstractFreedom):
-    """Turning by an angle (rad) about `axis`, a unit vector in the child's axes, and advancing
-    along it by `pitch` (m/rad) as much.
+class ScrewMotion(AbstractMotionSubspace):
+    """Rotation by an angle (rad) about `axis` with an advance of `pitch` (m/rad) per angle along
+    it.
 
-    `reference` turns the child's components into the parent's at angle zero; see `shortest_turn`.
+    `axis` is a unit vector in the child's axes. `reference` transforms the child's components to
+    the parent's at angle zero; see `shortest_rotation`.
     """
 
     point_parent: Vector
@@ -34,76 +32,73 @@ class ScrewMotion(AbstractFreedom):
     pitch: Scalar
 
     def encode(self, relative: Relative) -> JointState:
-        """The angle, with the whole turns that the advance tells, and its rate."""
-        turning = self._hinge().encode(relative)
-        by_advance = relative.displacement.dot(self.axis) / self.pitch
-        off = wrapped(by_advance - turning.position, 2.0 * math.pi)
-        return JointState(by_advance - off, turning.speeds)
+        """Return the angle and its rate; the advance determines the number of revolutions."""
+        hinge = self._hinge().encode(relative)
+        angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
+        error = wrapped(angle_by_advance - hinge.position, 2.0 * math.pi)
+        return JointState(angle_by_advance - error, hinge.speeds)
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """The reference, turned by the angle about the axis."""
+        """Return the reference rotated by the angle about the axis."""
         return self._hinge().orientation(position)
 
     def rotation(self, position: Scalar) -> Matrix:
-        """That of the hinge, which costs less than the one of Euler parameters."""
+        """Return the hinge's matrix, which is cheaper than the one from Euler parameters."""
         return self._hinge().rotation(position)
 
     def displacement(self, position: Scalar) -> Vector:
-        """The advance along the axis, m."""
+        """Return the advance along the axis, m."""
         return self.axis * (self.pitch * position)
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """A turn at 1 rad/s and the advance by it."""
+        """Return a rotation at 1 rad/s with its advance."""
         del position
         return (Twist(self.axis, self.axis * self.pitch),)
 
     def rates(self, state: JointState) -> Scalar:
-        """Rate of the angle, rad/s."""
+        """Return the rate of the angle, rad/s."""
         return state.speeds[0]
 
     def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """The angle plus the change, rad."""
+        """Return the angle plus the change, rad."""
         return add(position, changes[0])
 
     def _hinge(self) -> Hinge:
         return Hinge(self.point_parent, self.point_child, self.axis, self.reference)
 
 
-def along(direction: Vector, axis: Vector) -> Vector:
-    """The direction or its opposite, whichever is nearer to an axis."""
-    return direction * where(axis.dot(direction) < 0.0, -1.0, 1.0)
+def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
+    """Return Euler parameters, not normalised, of the shortest rotation from second to first.
 
-
-def shortest_turn(first: Vector, second: Vector) -> EulerParameters:
-    """Euler parameters, not normalised, of the shortest turn that takes the second direction to the
-    first, which must not be its opposite."""
+    The two directions must not be opposite.
+    """
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
 
 def _require_lead(argument: str, value: ArrayLike) -> None:
-    """Check a lead to be one number that is not zero."""
+    """Check that a lead is one number other than zero."""
     require_shape(argument, value, (), "pass a single number in m")
     if (known := checkable(value)) is not None:
         (number,) = known
-        remedy = "give the advance in a turn in m; a RevoluteJoint has none"
+        remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
         require(number != 0.0, argument, number, "other than zero", remedy)
 
 
 class ScrewJoint(AbstractAxisJoint):
-    r"""A body that advances along an axis of another as it turns about it; five rows.
+    r"""Couples rotation about an axis with an advance along it; five rows.
 
     $$a = \frac{g}{1 + \frac{J}{m} \left(\frac{2 \pi}{l}\right)^2}$$
 
-    A nut of mass m and moment of inertia J on a screw that stands upright comes down at
-    g/(1 + J (2 pi/lead)^2/m). The advance counts modulo the lead, so that the number of turns is
-    unlimited: of the positions at an angle the joint holds the nearest.
+    The equation is the acceleration of a nut of mass m and moment of inertia J that descends on a
+    vertical screw of lead l. The advance is taken modulo the lead, so that the number of
+    revolutions is unlimited: the joint holds the nearest position for an angle.
 
-    **Arguments:** as `RevoluteJoint`, and `lead`: the second body's advance in a turn, m, positive
-    of a right-handed thread and negative of a left-handed one. The points coincide where the angle
-    is zero: where the bodies' frames differ by the shortest turn between the axes' components.
+    **Arguments:** as for `RevoluteJoint`, and `lead`: the second body's advance per revolution, m,
+    positive for a right-handed thread and negative for a left-handed one. The points coincide at
+    angle zero, where the frames differ by the shortest rotation between the axes' components.
 
-    **Raises:** `ValueError` for a lead of zero, and for points and axes that no joint can have.
+    **Raises:** `ValueError` if the lead is zero, or a point or axis is invalid.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -113,37 +108,32 @@ class ScrewJoint(AbstractAxisJoint):
     ['offset 1', 'offset 2', 'tilt 1', 'tilt 2', 'thread']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    point_first: Triple = quantity("m", check=require_point)
-    point_second: Triple = quantity("m", check=require_point)
-    axis_first: Triple = quantity("1", check=require_axis)
-    axis_second: Triple = quantity("1", check=require_axis)
     lead: Single = quantity("m", check=_require_lead)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Two translations across the axis, two tilts, and the thread: the advance less that by
-        the angle, m."""
+        """Return two translations across the axis, m, two tilts, and the thread's error, m."""
         del t
-        held = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
-        return held | {"thread": self._thread(motions)}
+        cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
+        return cylindrical | {"thread": self._thread(motions)}
 
     def _thread(self, motions: Motions) -> Row:
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         axis = unit(self.axis_first)
         advance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
-        by_angle = scaled_row(self.turn(motions), self.lead * (-0.5 / math.pi))
+        by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
         row = sum_of_rows((advance, by_angle))
         return replace(row, value=wrapped(row.value, self.lead))
 
-    def freedom(self, parent: str) -> ScrewMotion:
-        """The second body turns about the axis and advances."""
+    def motion_subspace(self, parent: str) -> ScrewMotion:
+        """Return rotation about the axis with its advance."""
         points = self._ordered(parent, self.point_first, self.point_second)
-        axis = unit(self.axis_first)
-        there, here = self._ordered(parent, axis, along(unit(self.axis_second), axis))
+        first, second = unit(self.axis_first), unit(self.axis_second)
+        # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
+        second = second * where(first.dot(second) < 0.0, -1.0, 1.0)
+        in_parent, in_child = self._ordered(parent, first, second)
         pitch = self.lead * (0.5 / math.pi)
-        return ScrewMotion(*points, here, shortest_turn(there, here), pitch)
+        return ScrewMotion(*points, in_child, shortest_rotation(in_parent, in_child), pitch)
 
     def draw(self, pen: AbstractPen) -> None:
-        """A sleeve on a rail."""
+        """Draw a sleeve on a rail."""
         pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)

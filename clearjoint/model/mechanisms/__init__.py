@@ -1,1 +1,1 @@
-"""Mechanisms of the literature, each with the state that it starts from: a function a module."""
+"""Mechanisms from the literature, each with its initial state."""

@@ -16,8 +16,8 @@ Point = tuple[float, float]
 
 
 class _Link(NamedTuple):
-    """A body that hangs on another by a hinge: mass in kg, moment of inertia about the centre of
-    mass in kg m^2, own angle in rad, and the hinge on both, m in their axes."""
+    """A body hinged to its parent: mass, kg, moment of inertia about the centre of mass, kg m^2,
+    absolute angle, rad, and the hinge's position on both bodies, m in their axes."""
 
     mass: float
     inertia: float
@@ -30,9 +30,9 @@ class _Link(NamedTuple):
 BETA, GAMMA = -0.0617138900142764496, 0.455279819163070380
 PHI, DELTA = 0.222668390165885885, 0.487364979543842550
 OMEGA, EPSILON = -0.222668390165885885, 1.23054744454982119
-"""The start of the test set, rad, which closes the loops."""
+"""Initial angles of the test set, rad, which close the loops."""
 PIVOT_A, PIVOT_B, HOOK = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
-"""Points of the ground: two pivots, and where the spring hangs, m."""
+"""Points of the ground: two pivots, and the spring's upper end, m."""
 LINKS = {
     "K1": _Link(0.04325, 2.194e-6, BETA, GROUND, (0.0, 0.0), (-0.00092, 0.0)),
     "K2": _Link(0.00365, 4.410e-7, BETA, "K1", (0.007 - 0.00092, 0.0), (0.0115, 0.0)),
@@ -46,32 +46,33 @@ LINKS = {
         0.00706, 5.667e-7, OMEGA + EPSILON, "K7", (0.00449, 0.01228 - 0.04), (0.01421 - 0.02, 0.0)
     ),
 }
-"""Each after the one that it hangs on."""
+"""Bodies in an order in which each follows its parent."""
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
-"""The point at which four bodies meet, m in the axes of each."""
+"""The common point of four bodies, m in the axes of each."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
-"""Of the spring on K3, m."""
+"""End of the spring on K3, m."""
 TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
-"""N m, N/m and m."""
+"""Motor torque, N m, spring stiffness, N/m, and free length, m."""
 
 
 def andrews_squeezer() -> tuple[Scene, State]:
-    """Andrews' squeezing mechanism, the IFToMM benchmark A03: seven planar bodies, a spring and a
-    motor of constant torque, at rest.
+    """Andrews' squeezing mechanism, the IFToMM benchmark A03: seven planar bodies and a spring.
 
-    A crank K1 turns in the origin and moves by a rod K2 the point P, at which three chains meet: K3
-    from the pivot B, which a spring pulls, and K4 with K5 and K6 with K7 from the pivot A. Within
-    30 ms the crank turns two and a half times. No gravity. The joints hold all bodies in the plane,
-    and no constraint is redundant.
+    A motor drives the crank K1 in the origin with a constant torque, from rest. A rod K2 connects
+    the crank to the point P, where three chains meet: K3 from the pivot B, loaded by a spring, and
+    K4 with K5 and K6 with K7 from the pivot A. The crank makes two and a half revolutions in 30 ms.
+    There is no gravity. The joints hold all bodies in the plane, and no constraint is redundant.
 
-    Data of W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
-    Ordinary Differential Equations II, section VII.7; the first state is that of the Test Set for
-    Initial Value Problem Solvers (problem "andrews"), whose angles beta, gamma, delta and epsilon
-    are the turns about Z of K1, K3, K5 and K7 here, and theta, phi and omega those of K2, K4 and K6
-    against K1, K5 and K7.
+    Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
+    Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for
+    Initial Value Problem Solvers (problem "andrews"). Its angles beta, gamma, delta and epsilon are
+    the rotations about Z of K1, K3, K5 and K7; theta, phi and omega are those of K2, K4 and K6
+    relative to K1, K5 and K7.
 
-    >>> scene, state = cj.andrews_squeezer()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.andrews_squeezer()
     >>> list(scene.bodies), list(scene.forces)
     (['K1', 'K2', 'K3', 'K5', 'K4', 'K7', 'K6'], ['spring', 'motor'])
     """
@@ -95,6 +96,6 @@ def andrews_squeezer() -> tuple[Scene, State]:
 
 
 def _turned(point: Point, angle: float) -> np.ndarray:
-    """A point of a body, from its centre of mass, in axes of the plane."""
+    """Return a vector of a body, in its axes, in the axes of the plane."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, -sine], [sine, cosine]]) @ point

@@ -1,4 +1,4 @@
-"""What several mechanisms have: axes, the steel of the paper, and what drives them."""
+"""Shared parts of the mechanisms: axes, the steel of the paper, and motors."""
 
 import math
 
@@ -12,24 +12,25 @@ X_AXIS, Y_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
 """Ravn's stiffness for the paper's steel (Table 2).
 
->>> law = cj.LankaraniNikravesh(restitution=0.9, stiffness=cj.STEEL)
+>>> law = cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL)
 """
 Joints = dict[str, AbstractConstraint | AbstractContactJoint]
 Motor = AbstractConstraint | AbstractForce
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
-    """The paper's law for its steel, with a requested restitution."""
+    """Return the paper's contact law for steel with a requested restitution."""
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 
 
 def turned_about_z(angle: float) -> tuple[float, float, float, float]:
-    """Euler parameters of a turn about Z by an angle, rad."""
+    """Return Euler parameters of a rotation about Z by an angle, rad."""
     return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
-    """The joints and the forces of a mechanism with a "motor", which is one or the other."""
+    """Return the joints and the forces of a mechanism with the element "motor" added to one of
+    them."""
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
     return {**joints, "motor": motor}, {}

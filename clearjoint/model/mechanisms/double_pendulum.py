@@ -2,12 +2,12 @@
 
 from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
+from ..clearance_joints.axial import AbstractAxialPolicy
+from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
-from ..plays.axial import AbstractAxialPolicy
-from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import steel_law
 
@@ -22,16 +22,23 @@ def double_pendulum(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
-    """The paper's double pendulum (section 6, Tables 1 and 2), and its state at rest.
+    """The paper's double pendulum (section 6, Tables 1 and 2) and its state at rest.
 
-    Arm 2 hangs on the ground by a joint with clearance whose axis is Z; arm 3 on arm 2 by an ideal
-    revolute joint about X, the only axis that reproduces the paper's statements. Gravity acts
-    along +Y and both arms start at rest in the XZ plane, the journal centred.
+    A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
+    about X connects arm 3 to arm 2. X is the only axis that reproduces the paper's statements.
+    Gravity acts along +Y. Both arms start at rest in the XZ plane with a centred journal.
 
-    **Arguments:** radial clearance, bearing radius and journal length in m; `clearance=None` makes
-    the ground joint ideal. `law` replaces Lankarani-Nikravesh with the given restitution.
+    **Arguments:**
 
-    >>> scene, state = cj.double_pendulum()
+    - `clearance`: radial, m; ``None`` for an ideal ground joint.
+    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `bearing_radius`, `journal_length`: m.
+    - `law`: replaces the default law.
+    - `friction`, `axial`: as for `ClearanceJoint`.
+
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """

@@ -4,20 +4,20 @@ import math
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.gear_backlash import GearBacklash
 from ..contact.damping_factors import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
-from ..plays.gear_backlash import GearBacklash
 from ..scene import Scene
 from .common import ORIGIN, Z_AXIS
 
 DENSITY = 7850.0
-"""Of steel, kg/m^3."""
+"""Density of steel, kg/m^3."""
 FACE_WIDTH = 20e-3
-"""Of the gears, m."""
+"""Width of the gears, m."""
 MESH_STIFFNESS = 1.8e11
-"""N/m^1.5: at a depth of 5 um as stiff as 20 N/(mm um), the mean of ISO 6336-1 for steel, times the
-face width."""
+"""Stiffness of the mesh, N/m^1.5: at a depth of 5 um its slope is 20 N/(mm um), the mean of ISO
+6336-1 for steel, times the face width."""
 
 
 def gear_pair(
@@ -29,20 +29,30 @@ def gear_pair(
     speeds: tuple[float, float] = (10.0, 0.0),
     law: AbstractContactLaw | None = None,
 ) -> tuple[Scene, State]:
-    """Two spur gears with backlash, and their state in the middle of the play.
+    """Two spur gears with backlash on ideal bearings, and their initial state.
 
-    The "pinion" turns about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0); pressure angle
-    20 degrees. Both are solid discs of steel, 7850 kg/m^3, as large as their pitch circles and
-    20 mm wide. Nothing drives them: add a `DriveTorque` to the scene's forces, say.
+    The "pinion" rotates about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0) for the module
+    m; the pressure angle is 20 degrees. Both are solid steel discs, 7850 kg/m^3, with the diameter
+    of their pitch circles and 20 mm width. There is no drive: add one to the scene's forces, such
+    as a `DriveTorque`.
 
-    The law, 1.8e11 N/m^1.5, bends the teeth at 2 kN as ISO 6336's mean stiffness of 20 N/(mm um)
-    does, and delivers the restitution: gears whose backlash is crossed at a rate v on the line of
-    action cross it the other way at the restitution times v, in a time j cos(20 degrees)/v.
+    The default law has the stiffness 1.8e11 N/m^1.5, whose deflection at 2 kN is that of ISO 6336's
+    mean stiffness of 20 N/(mm um), and delivers the restitution. If the gears cross the backlash j
+    at a rate v along the line of action, they return at the restitution times v, after the time j
+    cos(20 degrees)/v.
 
-    **Arguments:** `backlash` along the pitch circle and `module` in m; `teeth` of both; `speeds` of
-    both in rad/s. `law` replaces the one above.
+    **Arguments:**
 
-    >>> scene, state = cj.gear_pair()
+    - `backlash`: along the pitch circle, m.
+    - `restitution`: of the default law.
+    - `teeth`: of both gears.
+    - `module`: m.
+    - `speeds`: of both gears, rad/s.
+    - `law`: replaces the default law.
+
+    **Returns:** the scene and the initial state, in the middle of the play.
+
+    >>> scene, state = cj.mechanisms.gear_pair()
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
     """

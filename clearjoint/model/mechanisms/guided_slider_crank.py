@@ -1,9 +1,11 @@
-"""The slider-crank with play in its guide."""
+"""The slider-crank with clearance in its guide."""
 
 import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.clearance import ClearanceJoint
+from ..clearance_joints.slider_in_guide import SliderInGuide
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import AbstractFriction, RegularisedCoulomb
@@ -11,19 +13,17 @@ from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractContactJoint
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
-from ..plays.clearance import ClearanceJoint
-from ..plays.slider_in_guide import SliderInGuide
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
 
 CRANK, ROD = 0.153, 0.306
-"""Lengths, m."""
+"""Lengths of crank and rod, m."""
 HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
-"""Of the slider, m."""
+"""Half the size of the slider, m."""
 GUIDE_STIFFNESS = 1e9
-"""Of a corner on a wall, N/m^1.5; the publication's contacts are rigid."""
+"""Stiffness of a corner on a wall, N/m^1.5; the contacts of the publication are rigid."""
 FRICTION = RegularisedCoulomb(0.01)
-"""The publication's coefficient."""
+"""Friction with the coefficient of the publication."""
 
 
 def guided_slider_crank(
@@ -35,27 +35,30 @@ def guided_slider_crank(
     pin_law: AbstractContactLaw | None = None,
     speed: Scalar = 150.0,
 ) -> tuple[Scene, State]:
-    """The slider-crank of Flores, Leine and Glocker (Multibody System Dynamics 23, 2010), whose
-    slider has play in its guide, and its state at the start.
+    """A slider-crank whose slider has clearance in its guide, and its initial state.
 
-    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 turns about Z in the origin, free but for the
-    start; a rod of 306 mm, 0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and
-    2.7e-6 kg m^2 along X, between walls that leave 1 mm above and below. Centres of mass are
-    half-way, the pin in the slider's middle; gravity 9.81 along -Y. The other moments of inertia
-    don't enter the planar motion. All starts in one line, the slider farthest out, in the motion of
-    an ideal guide.
+    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about Z in the origin. A rod of 306
+    mm, 0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
+    X, between walls with 1 mm clearance above and below. Centres of mass are at half length, the
+    pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The other moments of inertia
+    don't affect the planar motion. The mechanism starts in a straight line with the slider farthest
+    out, in the motion of an ideal guide.
+
+    Source: P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23, 2010.
 
     **Arguments:**
 
     - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
-    - `pin_clearance`: m, radial play of the pin between rod and slider besides, in a bearing of
-      10 mm radius and 20 mm length; ``None``, the default, for an ideal pin.
-    - `law`: of the slider's corners; an exact restitution of 0.4 unless given. `friction`: of the
-      guide, with a coefficient of 0.01 unless given, or ``None``; `pin_law`: the pin's, that of
-      the other mechanisms' steel unless given.
+    - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
+      radius and 20 mm length; ``None``, the default, for an ideal pin.
+    - `law`: of the slider's corners; exact restitution 0.4 by default.
+    - `friction`: of the guide; coefficient 0.01 by default, or ``None``.
+    - `pin_law`: of the pin; the paper's steel by default.
     - `speed`: of the crank at the start, rad/s.
 
-    >>> scene, state = cj.guided_slider_crank()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
@@ -94,7 +97,7 @@ def guided_slider_crank(
 def _pin(
     clearance: Scalar | None, law: AbstractContactLaw | None
 ) -> RevoluteJoint | ClearanceJoint:
-    """Of the rod in the slider."""
+    """Return the joint between rod and slider."""
     end = (0.5 * ROD, 0.0, 0.0)
     if clearance is None:
         return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
@@ -110,24 +113,24 @@ def _pin(
 
 
 def _in_plane() -> dict[str, AbstractConstraint]:
-    """What keeps the slider in the plane where its pin has play."""
-    beside = (0.0, HALF_HEIGHT, 0.0)
+    """Return the joints that keep the slider in the plane if its pin has clearance."""
+    edge = (0.0, HALF_HEIGHT, 0.0)
     return {
         "plane along": LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS),
-        "plane across": PointInPlaneJoint(GROUND, "slider", ORIGIN, beside, Z_AXIS),
+        "plane across": PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS),
     }
 
 
 def _start(speed: Scalar) -> State:
     tip = np.array([0.0, CRANK * speed, 0.0])
-    turning = np.array([0.0, 0.0, 1.0])
+    axis = np.array([0.0, 0.0, 1.0])
     return State(
         {
-            "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=turning * speed),
+            "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
             "rod": body_state(
                 (CRANK + 0.5 * ROD, 0.0, 0.0),
                 velocity=0.5 * tip,
-                spin=turning * (-speed * CRANK / ROD),
+                spin=axis * (-speed * CRANK / ROD),
             ),
             "slider": body_state((CRANK + ROD, 0.0, 0.0)),
         }

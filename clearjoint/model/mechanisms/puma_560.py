@@ -1,4 +1,4 @@
-"""Published numbers of the PUMA 560's first three links, and where they are."""
+"""Published parameters and kinematics of the PUMA 560's first three links."""
 
 import math
 from collections.abc import Sequence
@@ -17,10 +17,12 @@ Components: TypeAlias = Float[np.ndarray, "3"]
 
 @dataclass(frozen=True)
 class ArmLink:
-    """A link by its standard Denavit-Hartenberg parameters, and its mass.
+    """A link: its standard Denavit-Hartenberg parameters and its mass.
 
-    `offset` d and `length` a in m, `twist` alpha in rad; in its frame, mass in kg, `centre` of mass
-    (3,) m, and principal `inertia` (3,) kg m^2 about it.
+    - `offset` d and `length` a: m. `twist` alpha: rad.
+    - `mass`: kg.
+    - `centre`: of mass, (3,) m in the link's frame.
+    - `inertia`: principal moments about the centre of mass, (3,) kg m^2.
     """
 
     offset: float
@@ -31,15 +33,15 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """What turns components in the link's frame into the one before it, at an angle of zero."""
+        """Return the orientation of the link's frame in the parent's at angle zero."""
         return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
 
     def axis(self) -> Components:
-        """The axis about which the link turns, in its own frame."""
+        """Return the link's axis of rotation, a unit vector (3,) in the link's frame."""
         return np.array([0.0, math.sin(self.twist), math.cos(self.twist)])
 
     def joint(self) -> Components:
-        """The frame before it, where it turns, from its own; m in its axes."""
+        """Return the origin of the parent's frame, (3,) m in the link's frame."""
         return -np.array([self.length, 0.0, 0.0]) - self.offset * self.axis()
 
 
@@ -56,54 +58,61 @@ WRIST = (
     ArmLink(0.0, 0.0, -QUARTER, 0.34, (0.0, 0.0, 0.0), (0.3e-3, 0.4e-3, 0.3e-3)),
     ArmLink(0.0, 0.0, 0.0, 0.09, (0.0, 0.0, 0.032), (0.15e-3, 0.15e-3, 0.04e-3)),
 )
-"""P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for the
-PUMA 560 robot, IEEE ICRA 1994, in the form of P. Corke, Robotics, Vision and Control. Not theirs:
-the first link's mass, and its moments but that about the joint, which don't enter; and the third
-link's last moment, 0.02 for 0.0125, without which it were no rigid body's."""
+"""P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for
+the PUMA 560 robot, IEEE ICRA 1994, in the form of P. Corke, Robotics, Vision and Control.
+Exceptions: the first link's mass and its moments about the other axes, which have no effect; and
+the third link's last moment, 0.02 instead of 0.0125, which would violate the triangle
+inequality."""
 WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
-"""rad, at which the wrist is held: those of the nominal pose."""
+"""Fixed angles of the wrist, rad: those of the nominal pose."""
 
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A link's frame: its origin (3,) m, and Euler parameters that turn its axes' components into
-    global ones."""
+    """A link's frame: its origin (3,) m, and the orientation of its axes as Euler parameters."""
 
     origin: Components
-    turn: EulerParameters
+    orientation: EulerParameters
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
-        """The axes as columns, global."""
-        return np.asarray(pack(rotation_matrix(self.turn)))
+        """Unit vectors along the axes as columns, (3, 3), in global components."""
+        return np.asarray(pack(rotation_matrix(self.orientation)))
 
     def turned(self, angle: float) -> EulerParameters:
-        """The frame's turn after one by an angle, rad, about its last axis."""
+        """Return the orientation after a rotation by an angle, rad, about the frame's z axis."""
         about_z = EulerParameters(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
-        return composed(self.turn, about_z)
+        return composed(self.orientation, about_z)
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
-        """The frame of the next link, turned by an angle in rad."""
-        turn = composed(self.turned(angle), link.tilt())
-        here = LinkFrame(self.origin, turn)
-        return LinkFrame(self.origin - here.axes @ link.joint(), turn)
+        """Return the frame of the next link of a chain.
+
+        **Arguments:** `link`: the next link; `angle`: of its joint, rad, about the z axis of this
+        frame.
+        """
+        orientation = composed(self.turned(angle), link.tilt())
+        axes = LinkFrame(self.origin, orientation).axes
+        return LinkFrame(self.origin - axes @ link.joint(), orientation)
 
 
 BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
-"""That of the ground."""
+"""The frame of the ground."""
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """The base, and the frame of each link after it, turned by angles in rad."""
-    found = [BASE]
+    """Return the base frame, and the frames of the links of a chain from the base.
+
+    **Arguments:** `angles`: of each link relative to the one before, rad.
+    """
+    frames = [BASE]
     for link, angle in zip(links, angles, strict=True):
-        found.append(found[-1].after(link, angle))
-    return found
+        frames.append(frames[-1].after(link, angle))
+    return frames
 
 
 @dataclass(frozen=True)
 class Lump:
-    """Mass kg, centre of mass (3,) m and inertia (3, 3) kg m^2 about it, in one frame."""
+    """Mass, kg, centre of mass, (3,) m, and inertia about it, (3, 3) kg m^2, in one frame."""
 
     mass: float
     centre: Components
@@ -111,18 +120,17 @@ class Lump:
 
 
 def lumps() -> list[Lump]:
-    """The three links in their own frames, the wrist a part of the third."""
-    single = [Lump(one.mass, np.array(one.centre), np.diag(one.inertia)) for one in ARM]
-    places = frames(WRIST, WRIST_ANGLES)[1:]
+    """Return mass and inertia of each link in its own frame; the third link includes the wrist."""
+    single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
     parts = [single[2]]
-    for link, place in zip(WRIST, places, strict=True):
-        centre = place.origin + place.axes @ np.array(link.centre)
-        inertia = place.axes @ np.diag(link.inertia) @ place.axes.T
+    for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
+        centre = frame.origin + frame.axes @ np.array(link.centre)
+        inertia = frame.axes @ np.diag(link.inertia) @ frame.axes.T
         parts.append(Lump(link.mass, centre, inertia))
-    return [*single[:2], _together(parts)]
+    return [*single[:2], _combined(parts)]
 
 
-def _together(parts: Sequence[Lump]) -> Lump:
+def _combined(parts: Sequence[Lump]) -> Lump:
     mass = sum(part.mass for part in parts)
     centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
@@ -133,25 +141,28 @@ def _together(parts: Sequence[Lump]) -> Lump:
 
 
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
-    """States of the links, and of the flanges that turn with them, at angles in rad and with
-    speeds in rad/s."""
-    places, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
+    """Return states of links and flanges by name, for three angles, rad, and speeds, rad/s."""
+    arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
     states = {}
     for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):
-        before, place = places[k], places[k + 1]
-        spin = spin + speed * before.axes[:, 2]
-        flange = LinkFrame(before.origin, before.turned(angles[k]))
+        parent, frame = arm_frames[k], arm_frames[k + 1]
+        spin = spin + speed * parent.axes[:, 2]
+        flange = LinkFrame(parent.origin, parent.turned(angles[k]))
         states[FLANGES[k]] = _state(flange, np.zeros(3), velocity, spin)
-        velocity = velocity + np.cross(spin, place.origin - before.origin)
-        states[LINKS[k]] = _state(place, lump.centre, velocity, spin)
+        velocity = velocity + np.cross(spin, frame.origin - parent.origin)
+        states[LINKS[k]] = _state(frame, lump.centre, velocity, spin)
     return states
 
 
 def _state(
     frame: LinkFrame, centre: Components, velocity: Components, spin: Components
 ) -> BodyState:
-    """Of a body whose centre of mass (3,) m is in a frame with a velocity (3,) m/s and a spin (3,)
-    rad/s, both global."""
+    """Return the state of a body from its frame and the centre of mass, (3,) m, in that frame.
+
+    `velocity`, (3,) m/s of the frame's origin, and `spin`, (3,) rad/s, are global.
+    """
     arm = frame.axes @ centre
-    turn = np.asarray(pack(frame.turn))
-    return body_state(frame.origin + arm, turn, velocity + np.cross(spin, arm), frame.axes.T @ spin)
+    orientation, spin_in_frame = np.asarray(pack(frame.orientation)), frame.axes.T @ spin
+    return body_state(
+        frame.origin + arm, orientation, velocity + np.cross(spin, arm), spin_in_frame
+    )

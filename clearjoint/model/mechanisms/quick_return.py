@@ -1,4 +1,4 @@
-"""The quick-return mechanism: a crank whose pin slides in the slot of a lever."""
+"""The quick-return mechanism: a crank pin that slides in the slot of a lever."""
 
 import math
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.pin_in_slot import PinInSlot
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction
@@ -14,16 +15,16 @@ from ..contact.stiffness import GivenStiffness
 from ..drives.rotation import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import PointInPlaneJoint
-from ..plays.pin_in_slot import PinInSlot
 from ..scene import Scene
-from .common import ORIGIN, Y_AXIS, Z_AXIS
+from .common import ORIGIN, Y_AXIS, Z_AXIS, turned_about_z
 
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
-"""Of the crank's pin from its axis, of that axis over the lever's, and of the lever: m."""
+"""Crank radius, height of the crank's axis above the lever's, and length of the lever, m."""
 SLOT = 0.13
-"""Travel of the pin between the slot's ends, m, about the crank's axis; the stroke takes 0.1."""
+"""Travel of the pin between the slot's ends, m, centred at the crank's axis; the stroke needs
+0.1."""
 LINE_STIFFNESS = 1e9
-"""Of the pin along 10 mm of a flat steel wall, N/m: (pi/4) E* L."""
+"""Stiffness of the pin on 10 mm of a flat steel wall, N/m: (pi/4) E* L."""
 
 
 def quick_return(
@@ -34,25 +35,29 @@ def quick_return(
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | AbstractBristleFriction | None = None,
 ) -> tuple[Scene, State]:
-    """A quick-return mechanism, as of a shaper, and its state in the motion without play.
+    """A quick-return mechanism, as used in a shaper, and its initial state.
 
-    A crank whose pin is 50 mm from its axis, the origin, turns about Z at constant speed. The pin,
-    of 5 mm radius, slides in the slot of a lever of 250 mm that swings about an axis 100 mm below.
-    From the vertical, the lever's angle is atan(r sin a/(d + r cos a)), with the crank's r and a
-    and the distance d of the axes: it swings by 30 degrees to either side, one way while the crank
-    turns by 240 degrees and the other by 120, in half the time. The crank has 0.1 kg, the lever
-    0.5 kg; slender bars with their centres of mass half-way. No gravity.
+    A crank with its pin 50 mm from its axis, the origin, rotates about Z at constant speed. The
+    pin, of 5 mm radius, slides in the slot of a lever of 250 mm, whose axis is 100 mm below the
+    crank's. The lever's angle from the vertical is atan(r sin a/(d + r cos a)), with the crank's
+    radius r and angle a and the distance d of the axes. It oscillates by 30 degrees to either side:
+    one stroke takes 240 degrees of the crank, the return stroke 120 degrees, half the time. The
+    crank has 0.1 kg and the lever 0.5 kg; both are slender bars with their centres of mass at half
+    length. There is no gravity.
 
     **Arguments:**
 
-    - `play`: m, the slot's width less the pin's diameter; ``None`` for an ideal slot. The slot has
-      ends that the pin does not reach.
-    - `speed`, `angle`: of the crank, rad/s, and rad at the start, from the vertical, against the
-      clock. The pin starts centred.
+    - `play`: m, the slot's width minus the pin's diameter; ``None`` for an ideal slot. The pin
+      doesn't reach the ends of the slot.
+    - `speed`, `angle`: of the crank, rad/s, and rad at the start, counter-clockwise from the
+      vertical. The state is that of the ideal mechanism, with a centred pin.
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
-      of 0.8, unless given. `friction`: of them.
+      of 0.8, by default.
+    - `friction`: of pin and walls.
 
-    >>> scene, state = cj.quick_return()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """
@@ -93,7 +98,7 @@ def _line_law() -> HuntCrossley:
 
 
 def _start(speed: Scalar, angle: float) -> State:
-    """The motion without play; angles from the vertical, against the clock."""
+    """Return the ideal mechanism's state; angles are counter-clockwise from the vertical."""
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)
@@ -101,28 +106,24 @@ def _start(speed: Scalar, angle: float) -> State:
     def along(angle: float) -> np.ndarray:
         return np.array([-math.sin(angle), math.cos(angle), 0.0])
 
-    def turned(angle: float) -> tuple[float, float, float, float]:
-        half = 0.5 * (0.5 * math.pi + angle)
-        return math.cos(half), 0.0, 0.0, math.sin(half)
-
-    def moving(length: float, angle: float, rate: float) -> np.ndarray:
+    def centre_velocity(length: float, angle: float, rate: float) -> np.ndarray:
         return 0.5 * length * rate * np.array([-math.cos(angle), -math.sin(angle), 0.0])
 
-    turning = np.array([0.0, 0.0, 1.0])
+    axis = np.array([0.0, 0.0, 1.0])
     foot = np.array([0.0, -BASE, 0.0])
     return State(
         {
             "crank": body_state(
                 0.5 * CRANK * along(angle),
-                turned(angle),
-                moving(CRANK, angle, 1.0) * speed,
-                turning * speed,
+                turned_about_z(0.5 * math.pi + angle),
+                centre_velocity(CRANK, angle, 1.0) * speed,
+                axis * speed,
             ),
             "lever": body_state(
                 foot + 0.5 * LEVER * along(lever_angle),
-                turned(lever_angle),
-                moving(LEVER, lever_angle, ratio) * speed,
-                turning * (ratio * speed),
+                turned_about_z(0.5 * math.pi + lever_angle),
+                centre_velocity(LEVER, lever_angle, ratio) * speed,
+                axis * (ratio * speed),
             ),
         }
     )

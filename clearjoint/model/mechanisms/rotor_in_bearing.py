@@ -1,23 +1,23 @@
-"""A rotor in a bearing with play, dry or lubricated."""
+"""A rotor in one bearing with clearance, dry or lubricated."""
 
 import numpy as np
 
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.axial import FixedAxially
+from ..clearance_joints.clearance import ClearanceJoint
+from ..clearance_joints.lubricated import LubricatedJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..drives.rotation import PrescribedRotation
 from ..film.laws import AbstractFilm
-from ..plays.axial import FixedAxially
-from ..plays.clearance import ClearanceJoint
-from ..plays.lubricated import LubricatedJoint
 from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
 TRANSITION = 0.02
-"""Depth over the clearance at which the wall has taken over from the film."""
+"""Ratio to the clearance of the depth at which wall contact has replaced the film."""
 
 
 def rotor_in_bearing(
@@ -34,24 +34,28 @@ def rotor_in_bearing(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
-    """A rigid rotor in one bearing, driven at constant speed about Z; and its state at the wall.
+    """A rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
 
-    A disc of steel of 20 kg with a radius of 100 mm, 0.061 kg m^2 across and 0.1 kg m^2 about its
-    axis, whatever `mass` is; the bearing is in its middle plane, and an ideal constraint holds it
-    there. Lubricated with `CaponeFilm(0.02)`, say, it floats up to where the film carries it; there
-    it is stable at up to some 1220 rad/s, and whirls with half the speed beyond.
+    The rotor is a steel disc of 20 kg with a radius of 100 mm, 0.061 kg m^2 about a diameter and
+    0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's
+    middle plane, and an ideal constraint holds the rotor axially. With the film `CaponeFilm(0.02)`,
+    for example, the journal rises to its equilibrium position. The equilibrium is stable up to
+    about 1220 rad/s; above, the journal whirls at half the speed.
 
     **Arguments:**
 
     - `clearance`: radial, m. `bearing_radius`, `journal_length`: m. `mass`: kg.
-    - `film`: what is in the gap; dry unless given.
+    - `film`: an `AbstractFilm`; dry by default.
     - `speed`: rad/s.
-    - `offset`: where the journal starts in its bearing, along X and Y, over the clearance.
-    - `law` replaces Lankarani-Nikravesh with the given restitution; `friction` is that of the dry
-      wall.
+    - `offset`: initial position of the journal along X and Y, over the clearance.
+    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `law`: replaces the default law.
+    - `friction`: of the dry wall.
     - `gravity`: (3,) m/s^2.
 
-    >>> scene, state = cj.rotor_in_bearing()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)
     ['bearing', 'motor']
     """

@@ -7,26 +7,26 @@ import numpy as np
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..drives.rotation import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
-from ..plays.clearance import ClearanceJoint
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
-"""Of the slider-crank, m.
+"""Lengths of the slider-crank, m.
 
->>> _, state = cj.slider_crank(clearance=None, angle=0.0)
+>>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
 >>> slider = state.bodies["slider"].position[0]  # farthest out
->>> bool(np.isclose(slider, cj.CRANK_LENGTH + cj.ROD_LENGTH))
+>>> bool(np.isclose(slider, cj.mechanisms.CRANK_LENGTH + cj.mechanisms.ROD_LENGTH))
 True
 """
 SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
-"""The rod's end at the slider, m in its axes."""
+"""Position of the slider pin on the rod, m in the rod's axes."""
 
 
 def slider_crank(
@@ -42,28 +42,34 @@ def slider_crank(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
-    """The slider-crank of the clearance literature, and its state in the ideal joint's motion.
+    """The slider-crank of the clearance literature and its initial state.
 
-    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 turns about Z in the origin; a rod of 120 mm, 0.21 kg
-    and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
-    journal, the "slider pin", with clearance. Centres of mass are half-way. The other moments of
-    inertia are those of bars 10 mm and a cube 30 mm wide, and don't enter the planar motion.
+    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about Z in the origin. A rod of 120 mm, 0.21
+    kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
+    journal, the "slider pin", with clearance. Centres of mass are at half length. The other moments
+    of inertia are those of bars 10 mm wide and a cube of 30 mm; they don't affect the planar
+    motion.
 
-    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane,
-    so the clearance joint is axially free and no constraint redundant; likewise with
-    `clearance=None`, which makes the pin an ideal `InlineJoint`.
+    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane.
+    The clearance joint is therefore axially free, and no constraint is redundant. The same holds
+    for `clearance=None`, where the pin is an ideal `InlineJoint`.
 
     **Arguments:**
 
     - `clearance`: radial, m; or ``None``.
+    - `restitution`: requested of the default law, Lankarani-Nikravesh.
     - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
-      out. The journal starts centred.
-    - `motor`: what drives "crank" against "ground" in place of a `PrescribedRotation` at constant
-      speed, such as a `DriveTorque` about (0, 0, 1).
-    - `bearing_radius`, `journal_length`: m. `gravity`: (3,) m/s^2.
-    - `law` replaces Lankarani-Nikravesh with the given restitution.
+      out. The state is that of the ideal mechanism, with a centred journal.
+    - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
+      (0, 0, 1). By default it is a `PrescribedRotation` at constant speed.
+    - `bearing_radius`, `journal_length`: m.
+    - `law`: replaces the default law.
+    - `friction`: as for `ClearanceJoint`.
+    - `gravity`: (3,) m/s^2; none by default.
 
-    >>> scene, state = cj.slider_crank()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
@@ -96,7 +102,7 @@ def _slider_crank_bodies() -> dict[str, Body]:
 
 
 def _slider_crank_joints(pin: InlineJoint | ClearanceJoint) -> Joints:
-    """The joints around the slider's pin, but for what drives the crank."""
+    """Return all joints except the drive of the crank."""
     foot, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
     big_end = (-0.5 * ROD_LENGTH, 0.0, 0.0)
     return {
@@ -108,23 +114,24 @@ def _slider_crank_joints(pin: InlineJoint | ClearanceJoint) -> Joints:
 
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:
-    """The ideal motion at a crank angle, rad, and speed, rad/s."""
+    """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle), 0.0])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
     rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle), 0.0])
-    rod_turn = -tip[0] / rod[0]  # a radian of the crank
-    tip_shift = np.array([-tip[1], tip[0], 0.0])
-    rod_shift = tip_shift + 0.5 * rod_turn * np.array([-rod[1], rod[0], 0.0])
-    slider_shift = np.array([-tip[1] - rod_turn * rod[1], 0.0, 0.0])
+    # Rates are derivatives by the crank's angle, to be multiplied by its speed.
+    rod_rate = -tip[0] / rod[0]
+    tip_rate = np.array([-tip[1], tip[0], 0.0])
+    rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0], 0.0])
+    slider_rate = np.array([-tip[1] - rod_rate * rod[1], 0.0, 0.0])
 
-    def body(position: TripleLike, turned: float, shift: np.ndarray, turn: float) -> BodyState:
-        spin = np.array([0.0, 0.0, turn])
-        return body_state(position, turned_about_z(turned), shift * speed, spin * speed)
+    def body(position: TripleLike, angle: float, rate: np.ndarray, angle_rate: float) -> BodyState:
+        spin = np.array([0.0, 0.0, angle_rate])
+        return body_state(position, turned_about_z(angle), rate * speed, spin * speed)
 
     return State(
         {
-            "crank": body(0.5 * tip, angle, 0.5 * tip_shift, 1.0),
-            "rod": body(tip + 0.5 * rod, rod_angle, rod_shift, rod_turn),
-            "slider": body(np.array([tip[0] + rod[0], 0.0, 0.0]), 0.0, slider_shift, 0.0),
+            "crank": body(0.5 * tip, angle, 0.5 * tip_rate, 1.0),
+            "rod": body(tip + 0.5 * rod, rod_angle, rod_centre_rate, rod_rate),
+            "slider": body(np.array([tip[0] + rod[0], 0.0, 0.0]), 0.0, slider_rate, 0.0),
         }
     )

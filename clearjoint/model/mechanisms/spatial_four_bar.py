@@ -1,21 +1,21 @@
-"""The spatial four-bar with a ball in a socket."""
+"""The spatial four-bar (RSSR) with clearance in a ball joint."""
 
 import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.ball_in_socket import BallInSocket
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint, SphericalJoint
-from ..plays.ball_in_socket import BallInSocket
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, steel_law
 
 CRANK, COUPLER, ROCKER = 0.02, 0.122, 0.074
-"""Lengths, m."""
+"""Lengths of crank, coupler and rocker, m."""
 BAR_RADIUS = 10e-3
-"""Of the round bars that give the moments of inertia, m."""
+"""Radius of the round bars that define the moments of inertia, m."""
 
 
 def spatial_four_bar(
@@ -26,25 +26,30 @@ def spatial_four_bar(
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | AbstractBristleFriction | None = None,
 ) -> tuple[Scene, State]:
-    """The spatial four-bar (RSSR) with play in the ball joint between coupler and rocker, and its
-    state at the start.
+    """A spatial four-bar (RSSR) with clearance between coupler and rocker, and its initial state.
 
-    A crank of 20 mm and 0.1960 kg turns about X in the origin, a rocker of 74 mm and 0.3157 kg
-    about Z in (122, -54, 0) mm; a coupler of 122 mm and 1.4158 kg joins their ends by ball joints:
-    an ideal one at the crank, a ball of 9.8 mm radius in a socket of 10 mm at the rocker. Lengths,
-    masses and radii are those of the literature (P. Flores et al., Dynamics of multibody systems
-    with spherical clearance joints, 2006) as far as they are remembered; where the axes are is
-    chosen here, so that crank and rocker start upright, the coupler along X, and the crank turns
-    all round. Moments of inertia are those of round bars of 10 mm radius. Gravity is 9.81 along -Z.
-    The coupler turns about itself freely.
+    A crank of 20 mm and 0.1960 kg rotates about X in the origin, a rocker of 74 mm and 0.3157 kg
+    about Z in (122, -54, 0) mm. A coupler of 122 mm and 1.4158 kg connects their ends by ball
+    joints: an ideal one at the crank, and a ball of 9.8 mm radius in a socket of 10 mm at the
+    rocker. The coupler rotates freely about its own axis. Moments of inertia are those of round
+    bars of 10 mm radius. Gravity is 9.81 m/s^2 along -Z.
+
+    Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
+    clearance joints, 2006, but were not checked against the publication. The positions of the axes
+    are our choice: crank and rocker start upright and the coupler along X, and the crank can make
+    full revolutions.
 
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `speed`: of the crank at the start, rad/s, in the ideal joint's motion; at rest unless given.
-    - `law` replaces Lankarani-Nikravesh with the given restitution.
+    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `speed`: of the crank at the start, rad/s, in the ideal mechanism's motion.
+    - `law`: replaces the default law.
+    - `friction`: of the ball.
 
-    >>> scene, state = cj.spatial_four_bar()
+    **Returns:** the scene and the initial state.
+
+    >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """
@@ -85,15 +90,17 @@ def spatial_four_bar(
 
 
 def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
-    """A round bar along an axis."""
+    """Return a round bar along an axis."""
     along = 0.5 * mass * BAR_RADIUS**2
     across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
     return Body(mass, np.where(np.array(axis) == 1.0, along, across))
 
 
 def _start(speed: Scalar) -> State:
-    """The crank's end moves along Z and the coupler, which does not lie in its way, turns about the
-    rocker's end, which stays."""
+    """Return the initial state.
+
+    The crank's end moves along Z. The coupler rotates about the rocker's end, which is at rest.
+    """
     upward = np.array([0.0, 0.0, CRANK])
     return State(
         {

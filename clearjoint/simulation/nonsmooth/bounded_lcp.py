@@ -1,13 +1,15 @@
-"""The linear complementarity problem with bounds: impulses between bounds, each with a velocity.
+"""Linear complementarity problem with bounds, for impulses at contacts.
 
 Find x between bounds with y = W x + q such that y >= 0 where x is at its lower bound, y <= 0 at its
-upper one, and y = 0 between: the least of x W x/2 + q x. An iteration is a sweep of projected
-Gauss-Seidel, which finds what the bounds hold, and the least energy over the rest, by Newton steps
-each of which ends where a row meets a bound (J. J. More, G. Toraldo, On the solution of large
-quadratic programming problems with bound constraints, 1991, with these two parts). Neither ever
-raises the energy, so that nothing cycles, and it ends with an exact solution, mostly after one or
-two iterations, also for two bases so close together that Gauss-Seidel alone takes thousands of
-sweeps, and for rows that depend on each other, as the axial slips of a journal's bases do.
+upper one, and y = 0 between. The solution is the minimum of the energy x W x/2 + q x.
+
+An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
+problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
+bounds. Newton steps then minimise the energy over the other rows; each ends where a row meets a
+bound. Neither part raises the energy, so the iteration cannot cycle. It ends with an exact
+solution, mostly after one or two iterations, also for two bases close together, where Gauss-Seidel
+alone takes thousands of sweeps, and for dependent rows, such as the axial slips of a journal's
+bases.
 """
 
 from collections.abc import Sequence
@@ -22,17 +24,17 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""Of the residual."""
+"""Tolerance of the residual."""
 RELATIVE_SHIFT = 1e-11
-"""Of the diagonal, which makes rows that depend on each other solvable."""
+"""Relative shift of the diagonal, which makes dependent rows solvable."""
 Impulses = Sequence[Scalar]
 
 
 class BoxProblem:
-    """W by its lower triangle, and bounds.
+    """The matrix W by its lower triangle, and the bounds of the impulses.
 
-    A row whose bounds are equal is held there, and its velocity does not matter. A diagonal that
-    vanishes, as of a contact without a normal, is taken as 1.
+    A row with equal bounds is fixed there, and its velocity is not constrained. A diagonal that
+    vanishes, as of a contact without a normal, counts as 1.
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
@@ -47,8 +49,10 @@ class BoxProblem:
         ]
 
     def solve(self, start: Sequence[Scalar]) -> tuple[Impulses, Scalar]:
-        """The x for q, given as `start`, and the residual: the largest violation over the largest
-        q of a row that is not held."""
+        """Return x for q, given as `start`, and the residual.
+
+        The residual is the largest violation over the largest q of a row that is not fixed.
+        """
         scale = self._scale(start)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
@@ -59,7 +63,11 @@ class BoxProblem:
             x = self._least_inside(self._swept(now[0], start), start)
             return x, self._residual(x, start) / scale, now[2] + 1
 
-        nothing = [jnp.clip(0.0, *bounds) for bounds in zip(self._lower, self._upper, strict=True)]
+        # Without impulses the residual is mostly zero already: no contact is closed.
+        nothing = [
+            jnp.clip(0.0, lower, upper)
+            for lower, upper in zip(self._lower, self._upper, strict=True)
+        ]
         residual = self._residual(nothing, start) / scale
         begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)
         x, residual, _ = jax.lax.while_loop(goes, go, begin)
@@ -80,33 +88,31 @@ class BoxProblem:
         return jnp.clip(x - velocity / self._diagonal[i], self._lower[i], self._upper[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """One sweep of projected Gauss-Seidel."""
+        """Return the impulses after one sweep of projected Gauss-Seidel."""
         swept = list(x)
         for i in range(len(swept)):
             swept[i] = self._clipped(i, swept[i], add(inner(self._row(i), swept), start[i]))
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """The least energy over the rows that no bound holds. On the way there each row that meets
-        a bound is held at it, and the rest goes on.
-
-        Where rows depend on each other their impulses may move far without a change of velocities,
-        up to such a bound. Without holding it there, every later iteration would be cut at once.
-        """
+        """Return the minimum of the energy over the rows that no bound holds."""
         velocities = self._velocities(x, start)
-        free = [
-            ~(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
+        free: list[Condition] = [
+            jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
             for a, y, lower, upper in zip(x, velocities, self._lower, self._upper, strict=True)
         ]
 
         def goes(now: tuple[Impulses, Sequence[Condition], Condition]) -> Condition:
-            return ~now[2]
+            return jnp.logical_not(now[2])
 
         def go(
             now: tuple[Impulses, Sequence[Condition], Condition],
         ) -> tuple[Impulses, Sequence[Condition], Condition]:
             x, free, _ = now
             change = self._to_least(x, free, start)
+            # Go along the change until the first row meets a bound. That row is then fixed: the
+            # impulses of dependent rows can move far without a change of velocities, and without
+            # fixing them every later iteration would be cut short at once.
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
             meets = [(one <= share) & (one < 1.0) for one in shares]
@@ -118,15 +124,19 @@ class BoxProblem:
                     x, change, meets, self._lower, self._upper, strict=True
                 )
             ]
-            left = [f & ~meet for f, meet in zip(free, meets, strict=True)]
+            left: list[Condition] = [
+                jnp.logical_and(f, jnp.logical_not(meet))
+                for f, meet in zip(free, meets, strict=True)
+            ]
             return moved, left, share >= 1.0
 
-        return jax.lax.while_loop(goes, go, (list(x), free, ~reduce(jnp.logical_or, free)))[0]
+        done = jnp.logical_not(reduce(jnp.logical_or, free))
+        return jax.lax.while_loop(goes, go, (list(x), free, done))[0]
 
     def _to_least(
         self, x: Impulses, free: Sequence[Condition], start: Sequence[Scalar]
     ) -> Impulses:
-        """The change of the free rows that makes their velocities zero."""
+        """Return the change of the free rows that makes their velocities zero."""
         velocities = self._velocities(x, start)
         matrix = [
             [*(jnp.where(free[i] & free[j], row[j], 0.0) for j in range(i)), row[i]]
@@ -137,7 +147,7 @@ class BoxProblem:
         )
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """How much of its change each row's bounds leave, at most 1."""
+        """Return the share of its change that the bounds of each row allow, at most 1."""
         shares: list[Scalar] = []
         for a, d, lower, upper in zip(x, change, self._lower, self._upper, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
@@ -158,7 +168,7 @@ class BoxProblem:
 
 
 def largest(numbers: Sequence[Scalar]) -> Scalar:
-    """The largest magnitude of some numbers."""
+    """Return the largest magnitude of some numbers."""
     magnitude: Scalar = 0.0
     for number in numbers:
         magnitude = jnp.maximum(magnitude, jnp.abs(number))

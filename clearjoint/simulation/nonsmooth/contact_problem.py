@@ -1,10 +1,11 @@
-"""The contacts of one time step: directions, Delassus' matrix, and impulses that obey the laws.
+"""Contact problem of one time step: directions, Delassus' matrix and impulses.
 
-Signorini's condition with Newton's restitution along the normal of each closed contact, U+ + e U-
->= 0, P >= 0, one of them zero, and Coulomb's friction across it. With two directions across, the
-first along the slip, the cone is a pyramid; in planar motion that is exact. Normal and
-tangential impulses are solved in turns, each for the other's last (P. D. Panagiotopoulos, A
-nonlinear programming approach to the unilateral contact and friction boundary value problem, 1975).
+Along the normal of each closed contact holds Signorini's condition with Newton's restitution:
+U+ + e U- >= 0, P >= 0, one of them zero. Across it holds Coulomb's law of friction, with a pyramid
+of two directions in place of the cone. The first direction is along the slip, which makes it exact
+in planar motion. Normal and tangential impulses are solved alternately, each for the latest values
+of the other (P. D. Panagiotopoulos, A nonlinear programming approach to the unilateral contact and
+friction boundary value problem, 1975).
 """
 
 from collections.abc import Sequence
@@ -29,20 +30,20 @@ from .bounded_lcp import BoxProblem, Impulses, largest
 
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
-"""Of the alternation between normal and tangential impulses."""
+"""Tolerance of the alternation between normal and tangential impulses."""
 FAST = 1e3
-"""Slip speed, m/s, at which a friction law is asked for its Coulomb coefficient."""
+"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
-"""Bounds of the factor by which a turn's change of the tangential impulses is extrapolated."""
+"""Bounds of the factor by which a change of the tangential impulses is extrapolated."""
 
 
-class Turn(NamedTuple):
-    """A turn of the alternation.
+class Alternation(NamedTuple):
+    """One turn of the alternation between normal and tangential impulses.
 
-    `normal`, `tangential`: the impulses that it found, their `residual` and the number of `turns`
-    so far; `tried`: the tangential impulses for the next turn; `change`, `factor`: by how much this
-    one changed what it had tried, and by what that was multiplied.
+    `normal`, `tangential`: its impulses; `residual`: their residual; `turns`: number of turns so
+    far; `tried`: tangential impulses for the next turn; `change`: change of the tangential impulses
+    in this turn; `factor`: the factor that extrapolated it.
     """
 
     normal: Impulses
@@ -56,9 +57,11 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact at a configuration: joint and label, its `gap` in m (negative if closed) and the
-    bearing's clearance, its normal row, whose rate is the opening velocity, the rows of slip, and
-    Coulomb's coefficient."""
+    """One contact at a configuration.
+
+    `gap`: m, negative if closed; `clearance`: of the bearing, m; `normal`: row whose rate is the
+    opening velocity; `slip`: rows of the slip velocities; `coefficient`: Coulomb's.
+    """
 
     joint: str
     label: str
@@ -70,7 +73,7 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """All contacts of a scene's joints at a configuration."""
+    """Return all contacts of a scene's joints at a configuration."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -84,7 +87,7 @@ def _touch(
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
-        """Of the velocity of the second body against the first along a direction."""
+        """Return the row of the velocity of the second body relative to the first."""
         first, second = joint.pair()
         pairs = {
             second: motions[second].wrench(direction, on_second),
@@ -100,6 +103,7 @@ def _touch(
         return Touch(name, label, *size, normal, (), 0.0)
     along = _slip_direction(contact.slip, contact.normal)
     across = contact.normal.cross(along)
+    # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient.
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
@@ -107,7 +111,7 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """That of the slip, or any across the normal if there is none."""
+    """Return the direction of the slip, or any across the normal if there is none."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     rests = speed == 0.0
@@ -116,7 +120,7 @@ def _slip_direction(slip: Vector, normal: Vector) -> Vector:
 
 
 class ContactProblem:
-    """Delassus' matrix of all contacts, with the constraints of the ideal joints kept."""
+    """Delassus' matrix of all contacts: changes of velocity by impulses, with ideal joints kept."""
 
     def __init__(
         self,
@@ -126,14 +130,15 @@ class ContactProblem:
         t: Scalar,
     ):
         rows = flattened(system.rows(mechanics.motions, t))
-        held = [mechanics.projected(row.jacobian) for row in rows]
+        projected = [mechanics.projected(row.jacobian) for row in rows]
 
         def free_response(direction: Speeds) -> Speeds:
+            """Return the change of the speeds by a unit impulse that the ideal joints allow."""
             rates = mechanics.solved(direction)
-            if not held:
+            if not projected:
                 return rates
-            targets = [-inner(row, rates) for row in held]
-            change, _ = response(mechanics, held, targets, system.formulation.solver())
+            targets = [-inner(row, rates) for row in projected]
+            change, _ = response(mechanics, projected, targets, system.formulation.solver())
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
 
         self.contacts = contacts
@@ -148,16 +153,29 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Those along all rows, m/s: opening velocities, and then slips."""
+        """Return the velocities along all rows, m/s, of bodies that move as given.
+
+        The list has the order of `rows`: first the opening velocity of each contact, then both
+        slip velocities of each contact that can have friction.
+        """
         return [row_rate(row, motions) for row in self.rows]
 
     def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
-        """The velocities along all rows, m/s, after impulses along all of them, N s."""
+        """Return the velocities along all rows, m/s, after impulses at the contacts.
+
+        **Arguments:** `velocities`: m/s, along all rows before the impulses; `impulses`: N s, along
+        all rows. Both, and the result, are lists in the order of `velocities`: normal directions
+        first.
+        """
         rows = range(len(self.rows))
         return self._with_impulses(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
-        """The change of the speeds by impulses along the first rows."""
+        """Return the change of the speeds by impulses at the contacts.
+
+        **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
+        no impulse, so a list of the normal impulses alone is allowed.
+        """
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -166,7 +184,11 @@ class ContactProblem:
     def _with_impulses(
         self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
     ) -> list[Scalar]:
-        """Velocities of some rows after impulses along others."""
+        """Return the velocities along `rows`, m/s, after impulses along `columns`, N s.
+
+        **Arguments:** `rows`, `columns`: numbers of rows; `velocities`: m/s, along `rows` before
+        the impulses; `impulses`: N s, along `columns`.
+        """
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
@@ -178,8 +200,13 @@ class ContactProblem:
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Impulses of the closed contacts, N s, that make the velocities `aims` (those without
-        impulses, less the least ones allowed) non-negative; and the relative residual."""
+        """Return impulses of the closed contacts in N s, and the relative residual.
+
+        With the impulses, each closed contact opens at least with the smallest velocity allowed.
+
+        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact the
+        opening velocity without impulses, less the smallest one allowed.
+        """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
         return BoxProblem(normal, [0.0] * self._count, upper).solve(aims)
@@ -187,10 +214,12 @@ class ContactProblem:
     def impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Normal and tangential impulses, N s, of the closed contacts; and the relative residual:
-        the largest violation over the largest velocity of a closed contact.
+        """Return normal and tangential impulses of the closed contacts in N s, and the residual.
 
-        **Arguments:** `aims` as above, `slips`: velocities of the rows of slip without impulses.
+        The residual is the largest violation over the largest velocity of a closed contact.
+
+        **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
+        the rows of slip without impulses.
         """
         if not slips:
             return self.normal_impulses(closed, aims)
@@ -203,7 +232,9 @@ class ContactProblem:
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
-        def go(now: Turn) -> Turn:
+        def go(now: Alternation) -> Alternation:
+            # Normal impulses for the tangential ones of the last turn, then friction within the
+            # bounds that these normal impulses give.
             tried = now.tried
             aims_with_friction = self._with_impulses(normals, tangents, aims, tried)
             normal, normal_residual = self.normal_impulses(closed, aims_with_friction)
@@ -212,6 +243,8 @@ class ContactProblem:
             tangential, slip_residual = problem.solve(
                 self._with_impulses(tangents, normals, slips, normal)
             )
+            # The normal impulses were solved for other tangential ones: the opening velocities that
+            # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]
             changes = self._with_impulses(normals, tangents, [0.0] * count, change)
             residual = largest(
@@ -219,21 +252,27 @@ class ContactProblem:
             )
             factor = _extrapolation(now, change)
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Turn(normal, tangential, residual, now.turns + 1, following, change, factor)
+            return Alternation(
+                normal, tangential, residual, now.turns + 1, following, change, factor
+            )
 
-        def goes(now: Turn) -> Condition:
+        def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
         zero, nothing = jnp.zeros(()), [jnp.zeros(())] * (size - count)
-        start = Turn([zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1)
+        start = Alternation(
+            [zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1
+        )
         found = jax.lax.while_loop(goes, go, go(start))
         return [*found.normal, *found.tangential], found.residual
 
 
-def _extrapolation(last: Turn, change: Impulses) -> Scalar:
-    """The factor for a change after that of the last turn (B. Irons, R. Tuck, A version of the
-    Aitken accelerator for computer iteration, 1969). Where bases stick and axial impulses pass from
-    one to the other, plain turns go on for thousands."""
+def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
+    """Return the factor for a change of the tangential impulses, by Aitken's method.
+
+    See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without
+    it, bases that stick and share axial impulses need thousands of turns.
+    """
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
     factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
@@ -242,5 +281,5 @@ def _extrapolation(last: Turn, change: Impulses) -> Scalar:
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    """The largest magnitude of the numbers that are live."""
+    """Return the largest magnitude of the numbers that are live."""
     return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])

@@ -1,18 +1,19 @@
-"""One time step of Moreau's midpoint rule: smooth motion, impulses of closed contacts, positions.
+"""One time step of Moreau's midpoint rule.
 
-M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2; see V. Acary, B.
-Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q in the middle,
+See M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2, and V. Acary,
+B. Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q_m in the
+middle of the step,
 
     q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
     q+ = q + h H(q_m) (u + u+)/2,
 
-contacts closed whose gap at q_m is not positive. F takes the velocity there from a predictor, so
-that smooth motion has second order; its constraints hold on accelerations, as in `simulate`.
-Without a force the velocity of a contact is reversed exactly, so that its energy is that of
-restitution whatever the step.
+where a contact is closed if its gap at q_m is not positive. A predictor gives the velocity in F, so
+that smooth motion has second order; constraints hold on accelerations, as in `simulate`. Without a
+force the velocity of a contact is reversed exactly, so that the energy after an impact is that of
+the restitution for any step length.
 
-A closed contact may stay penetrated by half a step of its approach. If it opens no further by the
-end of the next step, the positions are projected out of the wall, in the metric of the masses
+A closed contact may stay penetrated by half a step of its approach. If it has not opened by the end
+of the next step, the positions are projected out of the wall, in the metric of the masses
 (V. Acary, Projected event-capturing time-stepping schemes, 2013).
 """
 
@@ -23,7 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...dynamics.breakpoints import seen
+from ...dynamics.breakpoints import one_sided_time
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...math.rotations import normalised
@@ -31,19 +32,19 @@ from ...math.vectors import Condition, EulerParameters, Scalar, add, multiply
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
-"""Relative residual of a step's contacts beyond which it has failed."""
+"""Largest relative residual of the contacts in a step that counts as solved."""
 
 
 class Rigid(eqx.Module):
-    """What moves: a system, and the restitution of its contacts by joint and contact."""
+    """A system, and the restitution of its contacts by joint and contact."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
 
 
 class ContactStep(eqx.Module):
-    """One contact during a step: normal impulse N s, opening velocity before the step m/s, what it
-    dissipated J, and penetration at the middle m."""
+    """One contact in a step: normal impulse in N s, opening velocity before the step in m/s,
+    dissipated energy in J, and penetration in the middle of the step in m."""
 
     impulse: Scalar
     opening: Scalar
@@ -52,10 +53,10 @@ class ContactStep(eqx.Module):
 
 
 class StepEnd(eqx.Module):
-    """The variables at the end of a step, and what its contacts did.
+    """The variables at the end of a step, and its contacts.
 
-    `residual` is the largest violation of their laws, over their largest velocity; `solved` whether
-    it is small; `shallow` whether no bearing was penetrated deeper than its clearance.
+    `residual`: largest violation of the contacts' laws, over their largest velocity; `solved`:
+    whether it is small; `shallow`: whether no penetration exceeds the bearing's clearance.
     """
 
     variables: MotionVariables
@@ -66,9 +67,10 @@ class StepEnd(eqx.Module):
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
-    """One step of length h from time t, s; elements that change at t have changed."""
+    """Take one step of length h from time t, s; breakpoints at t have passed."""
+    # Motion without contact, from which the gaps in the middle of the step follow.
     middle_time = t + 0.5 * h
-    t = seen(rigid.system, t, t)
+    t = one_sided_time(rigid.system, t, t)
     middle, free = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = rigid.system.mechanics(free)
     contacts = touches(rigid.system.scene, mechanics.motions)
@@ -81,6 +83,7 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
             solved=jnp.asarray(True),
             shallow=jnp.asarray(True),
         )
+    # Each closed contact must open at least with its restitution times the approach velocity.
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
@@ -90,6 +93,7 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
+    # The impulses change the speeds; a further push, on the positions alone, ends penetrations.
     after = problem.velocities_after(unloaded, impulses)
     last = mechanics.after_speed_change(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
@@ -108,8 +112,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """The variables at the middle of a step with the speeds of its start, and with those that it
-    ends with if no contact is closed."""
+    """Return the variables at the middle of a step, with the speeds at its start, and with those at
+    its end if no contact is closed."""
     half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
@@ -126,14 +130,14 @@ def _arrived(
     middle_time: Scalar,
     h: Scalar,
 ) -> MotionVariables:
-    """The positions moved for a step at the mean speeds, with the last speeds."""
+    """Return the positions after a step at the mean speeds, with the last speeds."""
     return rigid.system.with_speeds(
         _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
     )
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Whether no bearing is penetrated deeper than its clearance."""
+    """Whether no penetration exceeds the bearing's clearance."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
@@ -148,13 +152,17 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Speeds that take contacts out of the wall by the end of the step, and the residual; gaps are
-    taken as linear in the displacement. `sinks`: how much velocity towards the wall the forces add
-    in a step; half of it times the step is left, lest rounding opens a contact at rest."""
+    """Return the speeds that move contacts out of the wall by the end of a step, and the residual.
+
+    Gaps are linearised in the displacement. `sinks`: velocities towards the wall that the forces
+    add in a step.
+    """
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:
+        # A penetration by half of `sink` times h is left, or rounding would open a contact at rest.
         left = touch.gap / h + 0.5 * sink
+        # Only contacts that stay penetrated in the next step too are pushed.
         stays.append(shut & (left + 1.5 * velocity < 0.0))
         ends.append(left + 0.5 * velocity)
     impulses, residual = problem.normal_impulses(stays, ends)
@@ -167,8 +175,8 @@ def _contact_steps(
     before: Sequence[Scalar],
     after: Sequence[Scalar],
 ) -> dict[str, dict[str, ContactStep]]:
-    """By joint and label. The positions move with the mean velocity, so the work of an impulse is
-    its product with that."""
+    """Return the contacts of a step by joint and label."""
+    # Positions move with the mean velocity, so that its product with the impulse is the work.
     works = [
         -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
     ]
@@ -185,34 +193,34 @@ def _contact_steps(
 
 
 def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
-    """Time derivative of the variables without contact."""
+    """Return the time derivatives of the variables without contact forces."""
     return rigid.system.dynamics_under(variables, {}, t).variable_rates
 
 
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Positions moved by their rates for a time; Euler parameters have unit norm again."""
+    """Return positions moved by their rates for a time, with Euler parameters of unit norm."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Speeds changed by their rates for a time."""
+    """Return speeds changed by their rates for a time."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
 def _mean_speeds(
     system: System, first: MotionVariables, second: MotionVariables
 ) -> MotionVariables:
-    """The variables, of equal positions, with the mean of their speeds."""
+    """Return variables of equal positions with the mean of their speeds."""
     half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
     return system.with_speeds(first, half)
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
-    """start + time rate, of a PyTree of scalars."""
+    """Return start + time * rate, of a PyTree of scalars."""
 
     def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):

@@ -1,4 +1,4 @@
-"""The restitution of rigid contacts: one for all of them, or what their laws deliver."""
+"""Restitution of rigid contacts: one value for all, or what each law delivers."""
 
 from ...fields.checks import require, require_range
 from ...math.vectors import Scalar
@@ -25,7 +25,7 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
-    """Newton's coefficient by joint and contact: the given one, or what each law delivers."""
+    """Return Newton's coefficient by joint and contact: the given one, or that of each law."""
     return {
         name: {
             label: law.delivered_restitution() if restitution is None else restitution  # pyright: ignore

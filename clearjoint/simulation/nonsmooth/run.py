@@ -9,25 +9,30 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ...compilation import Compiled
-from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, seen, since_breakpoints
+from ...dynamics.breakpoints import (
+    breakpoints,
+    drivers_are_smooth,
+    one_sided_time,
+    since_breakpoints,
+)
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
-from ...math.vectors import Condition, Scalar, Structured, pack, unpack
+from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import BodyState, State
 from ...model.scene import Scene
-from ...results import RESULTS
-from ..step_state import choose
+from ...result_codes import RESULTS
+from ..results.nonsmooth_solution import ContactTotals
+from ..step.step_state import choose
 from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
-from .solution import ContactTotals
 
 DRIVER_TOLERANCE = 1e-5
 """Relative, by which the changes of a driver in a step may differ from those by its rates."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps; `touching` tells of each contact whether it had an impulse."""
+    """A run between two steps; `touching`: whether each contact had an impulse in the last one."""
 
     t: Scalar
     variables: MotionVariables
@@ -39,7 +44,7 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """What is kept of a run at a time at which a step ends; bodies in packed form."""
+    """Results at a time to save at; bodies in packed form."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
@@ -47,7 +52,7 @@ class RigidStop(eqx.Module):
 
 
 class RigidOutcome(eqx.Module):
-    """The end of a run with its bodies in packed form, and all stops but the first."""
+    """The end of a run with its bodies in packed form, and the stops except the first."""
 
     end: RigidRun
     bodies: dict[str, BodyState]
@@ -55,7 +60,7 @@ class RigidOutcome(eqx.Module):
 
 
 def run(
-    form: Structured,
+    folded_scene: ConstantFolded,
     formulation: Formulation,
     state: State,
     stops: Float[jax.Array, " stops"],
@@ -63,25 +68,25 @@ def run(
     restitution: Scalar | None,
     admissible: Condition | None = None,
 ) -> RigidOutcome:
-    """Run a scene in structured form through rising stops, s, in steps of `longest` s at most.
+    """Run a scene through rising stops in s, in steps of at most `longest` s.
 
-    **Arguments:** `restitution`: of every contact, or ``None`` for what its law delivers.
-    `admissible`: whether all numbers are within their ranges; ``None`` if that is known.
+    **Arguments:** `restitution`: of every contact, or ``None`` for that of its law. `admissible`:
+    whether all numbers are within their ranges; ``None`` if they have been checked.
     """
-    system = System(unpack(form), formulation)
+    system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
     first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
     if admissible is not None:
         first = replace(first, result=RESULTS.where(admissible, first.result, RESULTS.domain))
-    times, places = _with_breakpoints(system.scene, stops)
+    times, rows = _with_breakpoints(system.scene, stops)
 
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
         return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
 
     end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
-    if places is not None:
-        kept = jax.tree.map(lambda leaf: leaf[places], kept)
+    if rows is not None:
+        kept = jax.tree.map(lambda leaf: leaf[rows], kept)
     return RigidOutcome(end, pack(system.decode(end.variables)), kept)
 
 
@@ -91,8 +96,10 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """The stops and the breakpoints between them, rising; and where behind the first the stops
-    behind the first are, ``None`` if there are no breakpoints."""
+    """Return stops and breakpoints together, rising, and the rows of the stops except the first.
+
+    Rows count from the second time, and are ``None`` without breakpoints.
+    """
     elements = jax.tree.leaves(breakpoints(scene))
     if not elements:
         return stops, None
@@ -102,12 +109,13 @@ def _with_breakpoints(
 
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
-    """The run with the velocities that drivers want from `stop` on, if one changes there."""
+    """Return the run with the velocities that drivers prescribe from `stop` on."""
     since = since_breakpoints(system, start, stop)
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
-    time = seen(system, stop, stop)
+    # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
+    time = one_sided_time(system, stop, stop)
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
         lambda variables: system.project_velocities(variables, time),
@@ -118,7 +126,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
-    """The run after equal steps from one stop to the next."""
+    """Run in equal steps from one stop to the next."""
+    # A factor below 1, or rounding of the span would add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
 
@@ -133,7 +142,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    """The run before its first step."""
+    """Return the run before its first step."""
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     nothing = ContactTotals(none, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
@@ -149,7 +158,7 @@ def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
 
 
 def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
-    """The run a step further, or as it was if the step failed."""
+    """Return the run after one more step, or as it was with a result code if the step failed."""
     end = advance(rigid, now.variables, t, h)
     sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
     finite = sum(sums[1:], sums[0]) == 0.0
@@ -180,7 +189,7 @@ def _is_contact(tree: object) -> bool:
 
 
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
-    """The totals with those of a step; `touched` tells whether the one before had an impulse."""
+    """Add a step to the totals; `touched`: whether the step before had an impulse."""
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
     return ContactTotals(

@@ -1,4 +1,4 @@
-"""Simulation with rigid contacts: impacts have no duration, and steps do not follow them."""
+"""Simulation with rigid contacts, whose impacts have no duration."""
 
 import jax
 import jax.numpy as jnp
@@ -11,20 +11,26 @@ from ...dynamics.journals import warn_of_journals_outside
 from ...fields.checks import require, require_positive
 from ...fields.conversion import with_arrays
 from ...fields.types import ArrayLike
-from ...math.vectors import Scalar, structured
+from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...results import RESULTS
-from ..run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
-from ..saving import Saving, saving_or_nothing
-from ..solution import Trajectory, raise_failure
-from ..spans import check_span
+from ...result_codes import RESULTS
+from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
+from ..results.solution import Trajectory, raise_failure
+from ..run.run_checks import (
+    check_numbers,
+    check_precision,
+    check_start,
+    in_domain,
+    is_traced,
+)
+from ..run.saving import Saving, saving_or_nothing
+from ..step.spans import check_span
 from .restitution import require_restitution
 from .run import RigidOutcome, run_compiled
-from .solution import ContactTotals, NonsmoothSolution
 
 MOST_STEPS = 1e9
-"""Steps that a run may have: more take hours, and nothing else bounds them."""
+"""Largest number of steps of a run; more would take hours."""
 
 
 def simulate_nonsmooth(
@@ -42,19 +48,19 @@ def simulate_nonsmooth(
 ) -> NonsmoothSolution:
     """Simulate a scene with rigid contacts in fixed steps, by the midpoint rule of Moreau and Jean.
 
-    A contact of a joint is unilateral: it never penetrates (but for half a step's approach), parts
-    after an impact with the law's *delivered* restitution times the approach speed, and slides by
-    Coulomb's law, with the coefficient that the friction law has at high slip. Stiffness and
-    duration of impacts are absent, and so are peak forces; a step may be far longer than an impact.
-    An impact happens in the middle of its step, so that its instant, and with it every state, is
-    known to half a step: order one.
+    A contact of a joint is unilateral: it does not penetrate (except for half a step's approach),
+    separates after an impact with the law's *delivered* restitution times the approach speed, and
+    slides by Coulomb's law, with the coefficient of the friction law at high slip. There are no
+    stiffness, impact durations or peak forces, and a step may be far longer than an impact. An
+    impact happens in the middle of its step, so that its time, and with it every state, is known to
+    half a step: order one.
 
-    A step ends at each breakpoint of a joint or force, and where a driver makes velocities jump,
-    they jump with the least kinetic energy, as in `simulate`.
+    A step ends at each breakpoint of a joint or force. Where a driver makes velocities jump, the
+    change of the velocities has the least kinetic energy, as in `simulate`.
 
-    Works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But derivatives
-    across impacts are not those of the motion: which step an impact falls into does not move with
-    the parameters.
+    The function works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But
+    derivatives across impacts are not those of the motion, since the step in which an impact
+    happens does not change with the parameters.
 
     **Arguments:**
 
@@ -62,14 +68,13 @@ def simulate_nonsmooth(
       `redundant`: as of `Settings`.
     - `step`: s, the longest step. Between two times to save at, steps are equal.
     - `save`: the times at which to save the state; a step ends at each.
-    - `restitution`: Newton's coefficient of every contact, 0 to 1, in place of the delivered one.
+    - `restitution`: Newton's coefficient of every contact, 0 to 1, instead of the delivered one.
 
-    **Raises:** `ValueError` for arguments that no run can use, such as a law that does not report
-    the restitution that it delivers; `SimulationError` for a run that fails: the contacts of a step
-    were not solved, a bearing was penetrated deeper than its clearance, or the state is not
-    finite.
+    **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
+    restitution that it delivers; `SimulationError` for a run that fails: the contacts of a step
+    were not solved, a penetration exceeds the bearing's clearance, or the state is not finite.
 
-    >>> scene, state = cj.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
     >>> int(solution.contacts["shoulder"]["V"].impacts)
     1
@@ -109,7 +114,7 @@ def simulate_nonsmooth(
     stops = _stops(start_time, times, end_time)
     chosen = None if restitution is None else _array(restitution)
     run = run_compiled(
-        structured(scene), formulation, state, stops, _array(step), chosen, admissible
+        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
     )
     solution = _solution(run, stops, times is not None, formulation, redundant_constraints)
     return solution if traced else _reported(jax.device_get(solution), scene, throw)
@@ -118,7 +123,7 @@ def simulate_nonsmooth(
 def _stops(
     start_time: Scalar, times: ArrayLike | None, end_time: Scalar
 ) -> Float[jax.Array, " stops"]:
-    """The start, the times to save at and the end, s."""
+    """Return the start, the times to save at and the end, s."""
     between = jnp.asarray([] if times is None else times)
     return jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
 
@@ -130,15 +135,15 @@ def _solution(
     formulation: Formulation,
     redundant_constraints: tuple[str, ...],
 ) -> NonsmoothSolution:
-    """The outcome of a run through the stops, s, with the states at the inner ones if it saves."""
+    """Return the solution of a run; the states at the inner stops are the saved ones."""
     saved, history, count = None, None, None
     if saves:
         rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
         history, count = rows.totals, (run.stops.result == RESULTS.successful)[:-1].sum()
-        memory = jax.tree.map(
+        entry_speeds = jax.tree.map(
             lambda totals: jnp.zeros_like(totals.impulse), history, is_leaf=_is_totals
         )
-        saved = Trajectory(stops[1:-1], State(rows.bodies, memory))
+        saved = Trajectory(stops[1:-1], State(rows.bodies, entry_speeds))
     return NonsmoothSolution(
         time=run.end.t,
         final=State(run.bodies),
@@ -155,7 +160,7 @@ def _solution(
 
 
 def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    """The solution, after warnings of what is in it, and an error if it failed and shall throw."""
+    """Return the solution, after warnings, and an error if it failed and `throw` is set."""
     saved = solution.saved
     rows = [] if saved is None else [(saved.times, saved.states)]
     warn_of_journals_outside(scene, solution.time, solution.final, rows)

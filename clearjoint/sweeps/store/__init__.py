@@ -1,1 +1,1 @@
-"""Results of a sweep on disk, and by what a store knows its sweep again."""
+"""Stores of sweep results on disk, and the digests by which a store recognises its sweep."""

@@ -1,8 +1,7 @@
-"""The files of a Zarr array, one a chunk of lanes, read so that damage to one is told and costs no
-other.
+"""Files of a Zarr array, one for each chunk of lanes, with checksums.
 
-Each file ends with a checksum of its content and of its place in the store, so that files which
-have changed places are noticed as well.
+A damaged file is reported and doesn't affect the others. Each file ends with a checksum of its
+content and of its path in the store, so that exchanged files are detected too.
 """
 
 from collections.abc import Iterator
@@ -26,7 +25,7 @@ _LOCK = ".lock"
 
 
 def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
-    """The group of a store's arrays, to be read or written, with the metadata of all at once."""
+    """Open the group of a store's arrays, with the metadata of all arrays."""
     import zarr
 
     files = checked_files()(path, read_only=mode == "r")
@@ -35,8 +34,11 @@ def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
 
 @cache
 def checked_files() -> "type[LocalStore]":
-    """The class of files of which chunks have checksums. Its `get` raises `ValueError` for a chunk
-    that is damaged or another one's. Made when it is needed, since importing zarr takes long."""
+    """Return the class of Zarr stores whose chunks have checksums.
+
+    Its `get` raises `ValueError` for a chunk that is damaged or belongs to another path. The class
+    is made here, because importing zarr at the start takes long.
+    """
     from zarr.core.buffer import default_buffer_prototype
     from zarr.storage import LocalStore
 
@@ -49,10 +51,10 @@ def checked_files() -> "type[LocalStore]":
         ) -> "Buffer | None":
             assert byte_range is None
             prototype = prototype or default_buffer_prototype()
-            found = await super().get(key, prototype)
-            if found is None or _is_metadata(key):
-                return found
-            content = found.to_bytes()
+            buffer = await super().get(key, prototype)
+            if buffer is None or _is_metadata(key):
+                return buffer
+            content = buffer.to_bytes()
             value, checksum = content[:-DIGITS], content[-DIGITS:]
             if checksum != digest(key, value).encode():
                 raise ValueError(f"The checksum of {key} does not agree.")
@@ -73,9 +75,9 @@ def _is_metadata(key: str) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """A context that one process at a time is in, for a folder; a process that dies leaves it.
+    """Lock a folder for this process; the lock of a process that dies is released.
 
-    Where the system or the folder has no locks, processes do not wait for each other.
+    Where the system or the folder has no locks, processes don't wait for each other.
     """
     try:
         import fcntl
@@ -91,9 +93,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """An array of a group, which writes a file for every chunk, so that none can be lost unseen."""
+    """Open an array of a group."""
     import zarr
 
+    # Zarr omits chunks of fill values by default: a lost file would look like one of these chunks.
     with zarr.config.set({"array.write_empty_chunks": True}):
         array = group[name]
     assert isinstance(array, zarr.Array)
@@ -101,18 +104,21 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 
 
 def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
-    """The file of a chunk of an array in the store at a path."""
+    """Return the file of a chunk of an array in the store at a path."""
     return path / array.path / array.metadata.encode_chunk_key((chunk,) + (0,) * (array.ndim - 1))
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """The values of an array in the store at a path, and the chunks of which it has none: that
-    their file is missing, or damaged. They are left at the fill value."""
+    """Read an array of the store at a path.
+
+    **Returns:** the values, and by number the chunks whose file is `MISSING` or `DAMAGED`; their
+    values are the fill value.
+    """
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}
     try:
         return np.asarray(array[:]), faults
-    except ValueError:  # A checksum does not agree.
+    except ValueError:  # A checksum does not agree: find the damaged chunks one by one.
         values = np.full(array.shape, array.fill_value, array.dtype)
         for chunk in range(count):
             span = slice(chunk * array.chunks[0], (chunk + 1) * array.chunks[0])

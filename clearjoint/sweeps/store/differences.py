@@ -1,6 +1,6 @@
-"""Why a store can't hold another sweep, in words."""
+"""Messages on the differences between a stored sweep and the sweep that is requested."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from os.path import commonprefix
 
 import numpy as np
@@ -11,27 +11,37 @@ from .program import RUN
 
 _SHOWN = 60
 Part = Note | np.ndarray
-"""A part of a layout that sweeps may differ in."""
+"""A part of a layout in which two sweeps may differ."""
 
 
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
-    """A line for each thing that a stored sweep has and the wanted one lacks or has otherwise.
+    """Return one line for each difference that prevents the store from taking the wanted sweep.
 
-    `kept` are the wanted sweep's lanes at the places of the store, -1 where it has none. Further
-    lanes, axes and variables are no difference. What only tells a reader what was run is named
-    where something else differs.
+    Additional lanes, axes and variables are not differences, because a store can be extended.
+    Differences between notes are listed only if there are other differences, which they may
+    explain.
+
+    **Arguments:** `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if
+    the wanted sweep lacks the row's lane.
     """
+    parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
         *_compared(_settings(stored.layout), _settings(wanted.layout)),
-        *_lacking(_parts(stored.layout), _parts(wanted.layout)),
+        # A part that only the wanted sweep has is no difference: the store is extended by it.
+        *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
         *_lost(stored.layout, wanted.layout, kept),
     ]
+    # Settings are part of the program of the run: if a setting differs, the program differs too,
+    # and a second line about it would mislead.
     lines += _programs(stored, wanted, only_outputs=bool(lines))
-    lines += _own_numbers(stored, wanted, kept)
-    return lines and [*lines, *_compared(*_common_notes(stored.layout, wanted.layout))]
+    lines += _save_times(stored, wanted, kept)
+    notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
+    old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
+    return lines and [*lines, *_compared(old, new)]
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
+    """Return the settings of a sweep by their names in messages."""
     settings: dict[str, Part] = {
         f"setting {name}": value for name, value in layout.settings.items()
     }
@@ -39,7 +49,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """What another layout has to have too, by name."""
+    """Return the parts of a stored layout that another layout must have, by name."""
     units = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     labels: dict[str, Part] = {f"coordinate {c.name}": c.values for c in layout.coordinates}
     labels |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -47,72 +57,73 @@ def _parts(layout: Layout) -> dict[str, Part]:
     return {**units, **labels, **variables}
 
 
-def _common_notes(stored: Layout, wanted: Layout) -> tuple[dict[str, Part], dict[str, Part]]:
-    names = [name for name in stored.notes if name in wanted.notes]
-    return {n: stored.notes[n] for n in names}, {n: wanted.notes[n] for n in names}
-
-
-def _lacking(there: dict[str, Part], here: dict[str, Part]) -> Iterator[str]:
-    return _compared(there, {name: here[name] for name in there if name in here})
-
-
-def _compared(there: dict[str, Part], here: dict[str, Part]) -> Iterator[str]:
-    for name in {**there, **here}:
-        one, other = there.get(name), here.get(name)
-        if not _same(one, other):
+def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
+    """Yield a line for each part that differs or that only one of the two sweeps has."""
+    for name in {**stored, **wanted}:
+        one, other = stored.get(name), wanted.get(name)
+        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+            same = np.array_equal(one, other)
+        else:
+            same = type(one) is type(other) and one == other
+        if not same:
             yield f"{name}: {_difference(one, other)}"
 
 
 def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Values of axes, and lanes."""
+    """Yield a line for stored values of axes and stored lanes that the wanted sweep lacks."""
     values = {axis.name: axis.values for axis in wanted.axes}
-    for name, there, _ in stored.axes:
-        gone = there[~np.isin(there, values.get(name, there))]
+    for name, old, _ in stored.axes:
+        gone = old[~np.isin(old, values.get(name, old))]
         if gone.size:
             yield (
-                f"axis {name}: {gone.size} of {there.size} stored values are none of the "
-                f"{values[name].size} now, first {_shown(gone[0])}"
+                f"axis {name}: {gone.size} of {old.size} stored values are not among the "
+                f"{values[name].size} present values, first {_shown(gone[0])}"
             )
     lost = kept < 0
     if lost.any():
         yield (
-            f"lanes: {lost.sum()} of {lost.size} stored lanes, by all the numbers that they start "
-            f"from, are none of the {wanted.lanes} now, first number {lost.argmax()}"
+            f"lanes: {lost.sum()} of {lost.size} stored lanes are not among the {wanted.lanes} "
+            "present lanes, because the numbers at their start differ, first lane "
+            f"{lost.argmax()}"
         )
 
 
 def _programs(stored: Contents, wanted: Contents, only_outputs: bool) -> Iterator[str]:
-    """What is computed otherwise; settings are part of the program of the run."""
-    there, here = stored.identity.programs, wanted.identity.programs
-    for name, program in there.items():
-        if program != here.get(name, program) and not (only_outputs and name == RUN):
-            what = f"variable {name}" if name else "what a step computes"
-            yield f"{what}: its code, as JAX traces it, is other than the one stored"
+    """Yield a line for each stored program whose digest differs in the wanted sweep.
+
+    **Arguments:** `only_outputs`: whether to compare only the programs of outputs, and not the
+    program of the run.
+    """
+    # A program that only the stored sweep has is no difference in code: it is compared with itself.
+    old, new = stored.identity.programs, wanted.identity.programs
+    for name, program in old.items():
+        if program != new.get(name, program) and not (only_outputs and name == RUN):
+            subject = f"variable {name}" if name else "program of a step"
+            yield f"{subject}: the code that JAX traces differs from the stored one"
 
 
-def _own_numbers(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
-    """What outputs have of their own in each lane, such as the times to save at."""
-    there, here = stored.identity.lanes, wanted.identity.lanes
-    for name in (there.keys() & here.keys()) - {RUN}:
-        others = (here[name][kept] != there[name][stored.order])[kept >= 0].sum()
+def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
+    """Yield a line for each output whose save times differ in any lane that both sweeps have.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
+    old, new = stored.identity.lanes, wanted.identity.lanes
+    for name in (old.keys() & new.keys()) - {RUN}:
+        others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
         if others:
-            yield f"times of {name}: others in {others} of {kept.size} stored lanes"
+            yield f"times of {name}: they differ in {others} of {kept.size} stored lanes"
 
 
 def _outline(variable: Variable) -> str:
+    """Return the dtype, dimensions and attributes of a variable as text."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
     return f"{np.dtype(variable.dtype)} ({shape}), {attrs}"
 
 
-def _same(one: Part | None, other: Part | None) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other)
-    return type(one) is type(other) and one == other
-
-
 def _difference(stored: Part | None, wanted: Part | None) -> str:
+    """Return the end of a line: how the stored part differs from the wanted one."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -128,9 +139,9 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
     return f"stored {_shown(stored)}, now {_shown(wanted)}"
 
 
-def _from(text: str, place: int) -> str:
-    """The text from shortly before a place on, if that would not be shown otherwise."""
-    return text if place < _SHOWN // 2 else f"…{text[place - _SHOWN // 4 :]}"
+def _from(text: str, start: int) -> str:
+    """Cut the beginning of a text if the character at `start` would not be shown otherwise."""
+    return text if start < _SHOWN // 2 else f"…{text[start - _SHOWN // 4 :]}"
 
 
 def _shown(value: object) -> str:

@@ -1,10 +1,11 @@
-"""What a function computes, as a digest of the program that JAX traces of it.
+"""Fingerprint of a function: a digest of the program that JAX traces from it.
 
-Each value of the program is digested with all that it is computed from: an operation with its
-settings and operands, a constant by its value, an argument by its name. So a digest does not depend
-on names of variables and functions, on the order of independent lines, on what is not used, on
-`jax.jit` around parts, nor on the process. All that a global, a helper, a base class or a property
-contributes is in it, since only what was traced counts.
+The digest of a value combines the operation that computes it, the operation's parameters and the
+digests of its operands; a constant is identified by its value, an argument by its name. The digest
+of a result therefore doesn't depend on names of variables and functions, on the order of
+independent operations, on unused operations, on `jax.jit` around parts, or on the process. It
+includes every contribution of globals, helpers, base classes and properties, because all of them
+appear in the traced program.
 """
 
 import dataclasses
@@ -33,25 +34,25 @@ _WRAPPERS = {
     "custom_jvp_call": "call_jaxpr",
     "custom_vjp_call": "call_jaxpr",
 }
-"""Operations that compute what the program inside them does, and where they keep it."""
+"""Operations that only call an inner program, and the parameter with that program."""
 _ADDRESS = " at 0x"
-"""In the text of a function: nothing that another process would know."""
+"""Text in the `repr` of a Python function: the address differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
 class Fingerprints(NamedTuple):
-    """Digests of what a function returns, and its shapes (`jax.ShapeDtypeStruct`), both by name."""
+    """Digests and shapes (`jax.ShapeDtypeStruct`) of the entries that a function returns."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Digests of the entries that a function of PyTrees returns.
+    """Compute digests of the entries that a function of PyTrees returns.
 
-    Only structure, shapes and types of the arguments count.
+    They depend on structure, shapes and types of the arguments, but not on their values.
 
-    **Raises:** `ValueError` if the function calls back into Python, where nothing is traced.
+    **Raises:** `ValueError` if the function calls back into Python, which JAX doesn't trace.
     """
     program, shapes = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
@@ -65,11 +66,11 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
         jax.tree_util.tree_flatten_with_path(shapes)[0], results, strict=True
     ):
         parts[path[0].key] += [jax.tree_util.keystr(path[1:]), result]
-    return Fingerprints({name: digest(*own) for name, own in parts.items()}, shapes)
+    return Fingerprints({name: digest(*texts) for name, texts in parts.items()}, shapes)
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Digests of a program's results from those of its constants and inputs."""
+    """Compute digests of a program's results from the digests of its constants and inputs."""
     known = dict(zip(jaxpr.invars, inputs, strict=True))
     known |= zip(jaxpr.constvars, constants, strict=True)
 
@@ -82,14 +83,16 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
         operands = [of(atom) for atom in line.invars]
         name = line.primitive.name
         if name in _WRAPPERS:
+            # A wrapper counts as its inner program: a jitted helper computes the same numbers as
+            # one that is not.
             results = _inner(line.params[_WRAPPERS[name]], operands)
         elif name in _WITHOUT_RESULT:
             results = []
         elif "callback" in line.params:
             raise _untraced(name, line.params["callback"])
         else:
-            here = digest(name, _setting(name, line.params), *operands)
-            results = [digest(here, str(k)) for k in range(len(line.outvars))]
+            operation = digest(name, _setting(name, line.params), *operands)
+            results = [digest(operation, str(k)) for k in range(len(line.outvars))]
         known |= zip(line.outvars, results, strict=True)
     return [of(atom) for atom in jaxpr.outvars]
 
@@ -97,18 +100,19 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
 def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
     if isinstance(program, ClosedJaxpr):
         return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
-    return _results(program, _places("constant", program.constvars), inputs)
+    return _results(program, _numbered("constant", program.constvars), inputs)
 
 
-def _places(kind: str, variables: Sequence[Var]) -> list[str]:
+def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
 def _setting(operation: str, value: object) -> str:
-    """A digest of a setting of an operation."""
+    """Compute the digest of a parameter of an operation."""
+    # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
-        return digest(*_inner(value, _places("input", variables)))
+        return digest(*_inner(value, _numbered("input", variables)))
     if isinstance(value, np.ndarray | np.generic | jax.Array):
         return _constant(value)
     if isinstance(value, Mapping):
@@ -121,6 +125,7 @@ def _setting(operation: str, value: object) -> str:
     if dataclasses.is_dataclass(value):
         parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
         return digest(type(value).__qualname__, _setting(operation, parts))
+    # The default repr contains an address: class and attributes identify the object instead.
     if type(value).__repr__ is object.__repr__:
         return digest(type(value).__qualname__, _setting(operation, getattr(value, "__dict__", {})))
     shown = repr(value)
@@ -131,9 +136,9 @@ def _setting(operation: str, value: object) -> str:
 
 def _untraced(operation: str, function: object) -> ValueError:
     return ValueError(
-        "Argument `path` must be None where the scene or an output calls a Python function that "
-        f"JAX does not trace ({operation}: {function}), since no store could tell whether it has "
-        "changed: write it with jax.numpy, or sweep without a store."
+        "Argument `path` must be None if the scene or an output calls a Python function that JAX "
+        f"does not trace ({operation}: {function}), because a store can't detect whether it has "
+        "changed: write the function with jax.numpy, or sweep without a store."
     )
 
 
@@ -155,11 +160,11 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 def digest(*parts: str | bytes) -> str:
-    """The digest of parts in their order; each goes in with its length, so that none passes for
-    two."""
-    whole = hashlib.blake2b(digest_size=DIGITS // 2)
+    """Compute the digest of a sequence of parts, as a text of `DIGITS` characters."""
+    state = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part
-        whole.update(b"%d:" % len(content))
-        whole.update(content)
-    return whole.hexdigest()
+        # With its length in front, ("ab", "c") differs from ("a", "bc").
+        state.update(b"%d:" % len(content))
+        state.update(content)
+    return state.hexdigest()

@@ -1,9 +1,9 @@
-"""The labelled results in a store, as any program finds them that reads Zarr.
+"""Copy of a store's results along the axes (the grid), for programs that read Zarr.
 
-The lanes of a store are in the folder `BY_LANE`, where they can be written one by one, and further
-ones can join them. Beside it are the same results along the axes, which `xarray.open_zarr(path)`
-opens. They are written when a store is made, once a minute or so while it is being filled, and when
-a sweep ends; where that fails, nothing is lost.
+The folder `BY_LANE` of a store has the results by lane: lanes can be written one by one, and more
+lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. It
+is written when a store is made, about once a minute during the sweep, and when the sweep ends. It
+is only a copy: if writing it fails, no result is lost.
 """
 
 import shutil
@@ -20,20 +20,23 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROOT = "zarr.json"
-"""File with the metadata of a group."""
+"""File with the metadata of a Zarr group, which lists its arrays."""
 
 
 def unfinished(path: Path) -> Path:
-    """A new name beside a path, for what is not yet complete."""
+    """Return a new path in the same folder, for a store that is not yet complete."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
 
 
 def write_grid(path: Path, results: "xr.Dataset") -> None:
-    """Write labelled results into the store at a path, in the place of those there.
+    """Write results to the store at a path as its grid, in place of an earlier grid.
 
-    The file that names the arrays goes first and comes last, unless it stays the same: who opens
-    the grid meanwhile finds none, but no mixture of two. Result codes come after all other arrays,
-    so that no lane is shown as done before its numbers are there.
+    If the arrays differ in names, shapes or attributes from those of the earlier grid, a program
+    that opens the grid in the meantime finds none. Otherwise files are replaced one by one, with
+    the result codes last: a lane whose code says that it is done has all its numbers.
+
+    **Arguments:** `path`: folder of the store; `results`: one array for each variable, along the
+    axes of the sweep.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -41,7 +44,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     new = unfinished(path)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Texts and consolidated metadata are drafts.
+            # Zarr warns that version 3 of its format doesn't specify texts and consolidated
+            # metadata yet.
+            warnings.simplefilter("ignore")
             encoding = {str(name): codecs for name in results.variables}
             results.to_zarr(
                 new,
@@ -49,11 +54,17 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
                 zarr_format=3,
                 consolidated=True,
                 encoding=encoding,
-                write_empty_chunks=True,  # Each takes the place of a file that may be there.
+                # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
+                write_empty_chunks=True,
             )
-        if not _same(new / ROOT, path / ROOT):
+        # The file `ROOT` lists the arrays. If it changes, it is removed first and written last, so
+        # that a reader finds either all arrays or none. Result codes are written after all other
+        # arrays, so that no lane counts as done before its numbers exist.
+        root, old_root = new / ROOT, path / ROOT
+        if not old_root.exists() or root.read_bytes() != old_root.read_bytes():
             remove_grid(path)
         files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
+        # In this order `False` is before `True`: other arrays, result codes, `ROOT`.
         for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
             (path / file).parent.mkdir(parents=True, exist_ok=True)
             (new / file).replace(path / file)
@@ -62,7 +73,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def remove_grid(path: Path) -> None:
-    """Remove the labelled results from the store at a path."""
+    """Remove the grid from the store at a path; results by lane stay."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
@@ -70,17 +81,13 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Whether the grid in the store at a path has the lanes of these results."""
+    """Return whether the grid in the store at a path has the same variables and finished lanes."""
     import xarray as xr
 
     try:
-        with xr.open_zarr(path, chunks=None) as found:
-            return set(found.variables) == set(results.variables) and np.array_equal(
-                found[RESULT].values, results[RESULT].values
+        with xr.open_zarr(path, chunks=None) as grid:
+            return set(grid.variables) == set(results.variables) and np.array_equal(
+                grid[RESULT].values, results[RESULT].values
             )
     except (OSError, ValueError, KeyError):
         return False
-
-
-def _same(one: Path, other: Path) -> bool:
-    return other.exists() and one.read_bytes() == other.read_bytes()

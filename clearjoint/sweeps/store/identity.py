@@ -1,4 +1,9 @@
-"""By what a store knows the numbers of a sweep: digests of programs and of the lanes' numbers."""
+"""Identity of a sweep: digests of its programs and of the numbers of its lanes.
+
+A run is determined by the program and by the numbers from which it starts. A store therefore
+compares digests of both. It doesn't compare source texts, names or the axes: a sweep over other
+axes that reaches the same numbers finds its stored lanes.
+"""
 
 import hashlib
 from collections import defaultdict, deque
@@ -11,19 +16,19 @@ import numpy as np
 from jaxtyping import Int, PyTree
 
 from ...fields.types import ArrayLike
-from ...simulation.batch.tasks import Task
+from ...simulation.lanes.tasks import Task
 from ..axes import Lanes
 
 _BLOCK = 4096
-"""Lanes put into rows of bytes at a time."""
+"""Number of lanes whose bytes are in memory at the same time."""
 
 
 class Identity(NamedTuple):
-    """What makes the numbers of a sweep.
+    """Digests that identify a sweep.
 
-    - `programs`: digests of what is computed, as those of `clearjoint.sweeps.store.program`.
-    - `lanes`: (n,) digests of the numbers that each lane starts from, under `program.RUN`; and
-      under an output's name of those that it has for itself.
+    - `programs`: digests of the programs; see `clearjoint.sweeps.store.program`.
+    - `lanes`: digests (n,) of the numbers from which each lane starts, under `program.RUN`, and
+      under the name of an output digests (n,) of the times at which it is saved.
     """
 
     programs: Mapping[str, str]
@@ -31,13 +36,15 @@ class Identity(NamedTuple):
 
 
 def run_digests(lanes: Lanes, tasks: Task) -> Int[np.ndarray, " n"]:
-    """(n,) of each lane's scene, initial state, end and first step; where no scene can have the
-    values, of what is said of them."""
+    """Return digests (n,) of each lane's scene, initial state, end time and first step.
+
+    Lanes with invalid values are hashed by their error message.
+    """
     pairs = zip(_leaves(lanes.scene), _leaves(lanes.scenes), strict=True)
     count = len(tasks.end_time)
     scenes = [
-        np.broadcast_to(base, (count, *np.shape(base))) if own is None else own
-        for base, own in pairs
+        np.broadcast_to(base, (count, *np.shape(base))) if varied is None else varied
+        for base, varied in pairs
         if eqx.is_array_like(base)
     ]
     states = jax.tree.leaves(lanes.states)
@@ -48,7 +55,7 @@ def run_digests(lanes: Lanes, tasks: Task) -> Int[np.ndarray, " n"]:
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """(n,) int64, one for the n-th rows of arrays (n, ...)."""
+    """Return digests (n,), int64, of the rows of arrays (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
@@ -60,18 +67,22 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
     return digests
 
 
-def places(stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]) -> Int[np.ndarray, " s"]:
-    """For each stored lane the number of the wanted one with its digest, each once; -1 for none."""
-    left: defaultdict[int, deque[int]] = defaultdict(deque)
+def matching_lanes(
+    stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " s"]:
+    """Return for each stored digest the wanted lane with this digest, each once; -1 for none."""
+    # Equal digests are usual: an axis may repeat a value.
+    unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, digest in enumerate(wanted.tolist()):
-        left[digest].append(lane)
+        unmatched[digest].append(lane)
     return np.array(
-        [left[digest].popleft() if left[digest] else -1 for digest in stored.tolist()], dtype=int
+        [unmatched[digest].popleft() if unmatched[digest] else -1 for digest in stored.tolist()],
+        dtype=int,
     )
 
 
 def _leaves(tree: PyTree) -> list[PyTree]:
-    """The leaves; where the tree has nothing, ``None``."""
+    """Return the leaves, with ``None`` as a leaf."""
     return jax.tree.leaves(tree, is_leaf=lambda node: node is None)
 
 

@@ -1,4 +1,4 @@
-"""What a sweep's Zarr store holds, as metadata and labels: written before any result, and read."""
+"""Metadata and labels of a sweep's Zarr store, which are written before any result."""
 
 import glob
 import json
@@ -27,7 +27,7 @@ _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
 """Attribute with a digest of all metadata."""
 ADDED = "sweep_added"
-"""Attribute with the names of variables that came when lanes were done already."""
+"""Attribute with the names of variables that were added when some lanes were already done."""
 _OWN = (
     "sweep_axes",
     "sweep_shape",
@@ -41,18 +41,18 @@ _OWN = (
     ADDED,
     _FORMAT,
 )
-"""Attributes of the store that are no settings of the sweep."""
+"""Attributes of the store that are not settings of the sweep."""
 ABANDONED_AFTER = 3600.0
-"""Age, s, from which on nobody works at what is not yet under its name: that takes a second."""
+"""Age, s, above which an incomplete store is removed. Writing one takes about a second."""
 
 
 class Contents(NamedTuple):
-    """What a store holds.
+    """Contents of a store without the results.
 
-    - `layout` and `identity`: of the sweep.
-    - `order`: (lanes,) the sweep's lane at each place of the store, whose lanes stay where they are
-      when others join them.
-    - `added`: variables that came when lanes were done already.
+    - `layout` and `identity`: layout and identity of the sweep.
+    - `order`: (lanes,) the sweep's lane in each row of the store. Added lanes get rows at the end,
+      although their numbers in the sweep may be in between.
+    - `added`: variables that were added when some lanes were already done.
     """
 
     layout: Layout
@@ -62,8 +62,10 @@ class Contents(NamedTuple):
 
 
 def create(path: Path, contents: Contents) -> None:
-    """Make a store without results, as a whole or not at all; nothing if another process was
-    first."""
+    """Make a store without results; do nothing if another process has made it.
+
+    The store is written under another name and renamed, so that it is complete or absent.
+    """
     with _new_store(path, contents) as store:
         pending = {name: v[contents.order] for name, v in contents.layout.pending().items()}
         write_grid(store, labelled(contents, pending))
@@ -75,94 +77,17 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Give a store further lanes, behind its own, or further variables.
+    """Add lanes, in rows after the existing ones, or variables to a store.
 
-    Its chunks stay as they are; until the last file is replaced it reads as before. The grid of
-    other labels is removed.
+    Existing chunks are not changed. The grid, whose labels are outdated, is removed.
     """
     with _new_store(path, contents) as store:
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
+        # The file `ROOT` lists the arrays and is replaced last: until then the store reads as
+        # before, also if this process is killed.
         for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
             _move(store / file, path / file)
     remove_grid(path)
-
-
-def remove_remains(path: Path) -> None:
-    """Remove what processes that were killed while they made or extended this store have left."""
-    for left in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
-        with suppress(FileNotFoundError):
-            if time.time() - left.stat().st_mtime > ABANDONED_AFTER:
-                shutil.rmtree(left)
-
-
-def contents_of(path: Path) -> Contents:
-    """What the store at a path holds.
-
-    **Raises:** `ValueError` if no sweep's store is there, or its labels are damaged.
-    """
-    group, attrs = _opened(path)
-    path = path / BY_LANE
-    own = {name: attrs.pop(name) for name in _OWN}
-    order = _values(path, group, own["sweep_order"])
-    back = np.argsort(order)
-    names, further, digests = own["sweep_axes"], own["sweep_coordinates"], own["sweep_digests"]
-    axes = [_labels(path, group, name) for name in names]
-    axes = [axis._replace(values=axis.values[back]) for axis in axes]
-    if not own["sweep_zipped"]:
-        axes = [_along(axis, own["sweep_shape"], dim) for dim, axis in enumerate(axes)]
-    labels = {*names, *further, *digests.values(), own["sweep_order"]}
-    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
-    layout = Layout(
-        tuple(axes),
-        own["sweep_chunk"],
-        {name: _variable(array) for name, array in group.arrays() if name not in labels},
-        tuple(_labels(path, group, name) for name in further),
-        attrs,
-        own["sweep_zipped"],
-        notes,
-    )
-    lanes = {name: _values(path, group, array)[back] for name, array in digests.items()}
-    identity = Identity(own["sweep_programs"], lanes)
-    return Contents(layout, identity, order, frozenset(own[ADDED]))
-
-
-def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Arrays in the order of the store as a data set along the axes."""
-    back = np.argsort(contents.order)
-    return dataset(contents.layout, {name: values[back] for name, values in arrays.items()})
-
-
-def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """The group of the lanes of a store and its attributes."""
-    file = path / BY_LANE / ROOT
-    try:
-        # In stores of former versions, the lanes are in the place of the grid.
-        root = json.loads((file if file.exists() else path / ROOT).read_text())
-        attrs: dict[str, Any] = root["attributes"]
-        form = attrs[_FORMAT]
-    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(
-            f"Argument `path` must name the store of a sweep, but {path} is none, or {file} is "
-            "missing or damaged: pass another path, or delete what is there."
-        ) from error
-    require(
-        form == _VERSION,
-        "path",
-        str(path),
-        f"a store of format {_VERSION}, and not {form} as other versions of clearjoint write it",
-        "read it with xarray.open_zarr, and sweep into another path",
-    )
-    if attrs.pop(_DIGEST, None) != _digest(root):
-        raise ValueError(
-            f"The store {path} can't be read, since {file} is damaged: restore that file from a "
-            "copy, or delete the store to compute it anew."
-        )
-    return opened_group(path / BY_LANE, "r"), attrs
-
-
-def _digest(root: Mapping[str, Any]) -> str:
-    """A digest of metadata without `_DIGEST`."""
-    return digest(json.dumps(root, sort_keys=True))
 
 
 def _move(file: Path, to: Path) -> None:
@@ -170,9 +95,93 @@ def _move(file: Path, to: Path) -> None:
     file.replace(to)
 
 
+def remove_abandoned(path: Path) -> None:
+    """Remove files of killed processes that were making or extending the store at a path."""
+    for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+        with suppress(FileNotFoundError):
+            if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(partial)
+
+
+def contents_of(path: Path) -> Contents:
+    """Read the contents of the store at a path.
+
+    **Raises:** `ValueError` if there is no sweep's store, or if its labels are damaged.
+    """
+    group, attrs = _opened(path)
+    path = path / BY_LANE
+    stored = {name: attrs.pop(name) for name in _OWN}
+    order = _values(path, group, stored["sweep_order"])
+    row_of = np.argsort(order)
+    names, digests = stored["sweep_axes"], stored["sweep_digests"]
+    further = stored["sweep_coordinates"]
+    axes = [_labels(path, group, name) for name in names]
+    axes = [axis._replace(values=axis.values[row_of]) for axis in axes]
+    if not stored["sweep_zipped"]:
+        axes = [_along(axis, stored["sweep_shape"], dim) for dim, axis in enumerate(axes)]
+    labels = {*names, *further, *digests.values(), stored["sweep_order"]}
+    notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
+    layout = Layout(
+        tuple(axes),
+        stored["sweep_chunk"],
+        {name: _variable(array) for name, array in group.arrays() if name not in labels},
+        tuple(_labels(path, group, name) for name in further),
+        attrs,
+        stored["sweep_zipped"],
+        notes,
+    )
+    lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
+    identity = Identity(stored["sweep_programs"], lanes)
+    return Contents(layout, identity, order, frozenset(stored[ADDED]))
+
+
+def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
+    """Return arrays in the order of the store's rows as a data set along the axes."""
+    row_of = np.argsort(contents.order)
+    return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
+
+
+def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
+    """Open a store to read it, and return its group `by_lane` and the attributes of this group.
+
+    The attribute with the digest of the metadata is checked and left out.
+
+    **Raises:** `ValueError` if there is no store at the path, if its format has another version, or
+    if its metadata are damaged.
+    """
+    file = path / BY_LANE / ROOT
+    try:
+        # Older versions stored the lanes where the grid is now.
+        root = json.loads((file if file.exists() else path / ROOT).read_text())
+        attrs: dict[str, Any] = root["attributes"]
+        version = attrs[_FORMAT]
+    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(
+            f"Argument `path` must name the store of a sweep, but {path} is not a store, or {file} "
+            "is missing or damaged: pass another path, or delete this one."
+        ) from error
+    require(
+        version == _VERSION,
+        "path",
+        str(path),
+        f"a store of format {_VERSION}, not {version} as written by other versions of clearjoint",
+        "read it with xarray.open_zarr, and sweep into another path",
+    )
+    if attrs.pop(_DIGEST, None) != _digest(root):
+        raise ValueError(
+            f"The store {path} can't be read, because {file} is damaged: restore that file from a "
+            "copy, or delete the store to compute it again."
+        )
+    return opened_group(path / BY_LANE, "r"), attrs
+
+
+def _digest(root: Mapping[str, Any]) -> str:
+    return digest(json.dumps(root, sort_keys=True))
+
+
 @contextmanager
 def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """A store beside a path, of which nothing stays there."""
+    """Write a temporary store in the same folder, which is removed at the end of the context."""
     store = unfinished(path)
     try:
         _write(store / BY_LANE, contents)
@@ -193,7 +202,7 @@ def _write(path: Path, contents: Contents) -> None:
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
-        *(Coordinate(digests[name], own[order]) for name, own in identity.lanes.items()),
+        *(Coordinate(digests[name], values[order]) for name, values in identity.lanes.items()),
         Coordinate(_order_name(order), order),
     ]
     for coordinate in along_lanes:
@@ -203,7 +212,8 @@ def _write(path: Path, contents: Contents) -> None:
     for name, variable in layout.variables.items():
         _write_variable(group, name, variable, layout)
     with warnings.catch_warnings():
-        # Still a draft in format 3; without it, every array is a file to open.
+        # Consolidated metadata are a draft in format 3. Without them, opening the store reads a
+        # file for every array.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(group.store)
     root = json.loads((path / ROOT).read_text())
@@ -212,7 +222,7 @@ def _write(path: Path, contents: Contents) -> None:
 
 
 def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, Any]:
-    """By the names `_OWN`; `digests` are names of arrays."""
+    """Return the values of the attributes `_OWN`; `digests` are names of arrays."""
     layout, order = contents.layout, _order_name(contents.order)
     names = [axis.name for axis in layout.axes]
     values = (
@@ -232,7 +242,7 @@ def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, An
 
 
 def _order_name(order: np.ndarray) -> str:
-    """Another one for another order, so that who reads meanwhile finds the old one."""
+    # Another order has another name, so that a concurrent reader finds the array of its own order.
     return f"sweep_order_{digest(order.tobytes())}"
 
 
@@ -264,13 +274,13 @@ def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: 
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Values that were written with the metadata."""
+    """Read an array that was written with the metadata."""
     array = opened(group, name)
     values, faults = read(path, array)
     for chunk, fault in faults.items():
         raise ValueError(
-            f"The store {path} can't be read, since of its labels {chunk_file(path, array, chunk)} "
-            f"is {fault}: restore that file from a copy, or delete the store to compute it anew."
+            f"The store {path} can't be read, because its file {chunk_file(path, array, chunk)} "
+            f"is {fault}: restore that file from a copy, or delete the store to compute it again."
         )
     return values
 
@@ -281,7 +291,7 @@ def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
 
 
 def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
-    """An axis' values, from those of all lanes."""
+    """Return the values of an axis from its values in all lanes."""
     grid = np.moveaxis(axis.values.reshape(shape), dim, -1)
     return axis._replace(values=grid.reshape(-1, shape[dim])[0])
 

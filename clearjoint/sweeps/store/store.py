@@ -1,18 +1,17 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
 In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
-are the sweep's, so that writing a chunk touches no file of another. A chunk's piece of `result` is
-written last: where it is missing, the lanes read as pending, whatever else a killed process has
-left of the chunk. Writing a chunk again is harmless, also by two processes at once, which wait for
-each other. Beside the folder are the same results along the axes, for any reader of Zarr
-(`.grid`).
+are those of the sweep: writing a chunk changes no file of another chunk. The `result` of a chunk is
+written last: without it the lanes count as pending, whatever else a killed process has written.
+Writing a chunk again is harmless, and two processes that write the same chunk wait for each other.
+The same results along the axes are stored for other programs (`.grid`).
 
-Every file has a checksum, which its place is part of. A chunk of which one is damaged, another's or
-gone reads as pending too, with a warning that names it, and is computed anew.
+Every file has a checksum of its content and path. A chunk with a damaged, missing or exchanged file
+counts as pending too, with a warning that names the file, and is computed again.
 
-A store takes further lanes, behind those it has, and further variables: it knows its lanes by the
-numbers that they start from, and variables by the programs that compute them. Nothing else of it
-changes after creation.
+A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
+lanes by the numbers from which they start and variables by the programs that compute them
+(`.identity`). Nothing else of a store changes after its creation.
 """
 
 import errno
@@ -30,8 +29,8 @@ from ..layout import BY_LANE, PENDING, RESULT, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .differences import differences
 from .grid import grid_shows, write_grid
-from .identity import Identity, places
-from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_remains
+from .identity import Identity, matching_lanes
+from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_abandoned
 from .program import RUN
 
 if TYPE_CHECKING:
@@ -39,9 +38,9 @@ if TYPE_CHECKING:
     import zarr
 
 _NAMED = 5
-"""Damaged files that a warning names."""
+"""Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
-"""Seconds between two writings of the grid while a store is filled, and largest share of the time
+"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the time
 that they may take."""
 
 
@@ -53,59 +52,68 @@ class SweepMemory:
         self._arrays = layout.pending()
 
     def missing(self) -> dict[int, list[int]]:
-        """By chunk the lanes that are not done."""
+        """Return the lanes that are not done, by chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Keep results of lanes of a chunk."""
+        """Store results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
 
     def write_grid(self) -> None:
-        """Do nothing: in memory there is nothing for other programs."""
+        """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """All results with labels; lanes that are not done have the `result` -1, pending."""
+        """Return all results with labels; lanes that are not done have the `result` -1."""
         return dataset(self.layout, self._arrays)
 
 
 class SweepStore:
-    """Results in a folder on disk; take `SweepStore.open`."""
+    """Results in a folder on disk; call `SweepStore.open`."""
 
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
         self.layout = contents.layout
         self._folder = path / BY_LANE
-        self._place = np.argsort(contents.order)
+        self._row_of = np.argsort(contents.order)
         self._grid_written, self._grid_seconds = time.monotonic(), 0.0
 
     @classmethod
     def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
-        """Open the store at a path, or create it; what it lacks of lanes and variables is added.
+        """Open the store of a sweep at a path, or create it if there is nothing at the path.
 
-        **Raises:** `ValueError` if what is there is no sweep, or one of which lanes, variables or
-        settings are none of this.
+        If the stored sweep has fewer lanes or variables than the requested one, the store is
+        extended.
+
+        **Arguments:** `layout`, `identity`: those of the requested sweep.
+
+        **Raises:** `ValueError` if there is something other than a store at the path, or if the
+        stored sweep has other settings, or lanes or variables that the requested sweep lacks.
         """
         path = Path(path)
-        remove_remains(path)
+        # Processes that were killed may have left partly written stores beside the path.
+        remove_abandoned(path)
         if not path.exists():
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
+        # Raises an error if the path has no store, before the lock writes a file there.
         contents_of(path)
         with locked(path / BY_LANE):
+            # Read again, because another process may have extended the store before the lock.
             stored = contents_of(path)
-            wanted = _joined(path, stored, Contents(layout, identity, stored.order))
-            lanes, variables = len(stored.order), set(stored.layout.variables)
-            if lanes < layout.lanes or variables < set(layout.variables):
-                extend(path, wanted)
-                write_grid(path, _labelled(path, wanted))
-        return cls(path, wanted)
+            # The order of the rows is a placeholder: `_joined` computes it.
+            requested = Contents(layout, identity, stored.order)
+            extended = _joined(path, stored, requested)
+            stored_lanes, stored_variables = len(stored.order), set(stored.layout.variables)
+            if stored_lanes < layout.lanes or stored_variables < set(layout.variables):
+                extend(path, extended)
+                write_grid(path, _labelled(path, extended))
+        return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
-        """By chunk the lanes that are not done.
+        """Return the lanes that are not done, by chunk.
 
-        **Raises:** `PermissionError` if there are any and the store can't be written to, before
-        anybody computes them.
+        **Raises:** `PermissionError` if there are any and the store can't be written to.
         """
         group = opened_group(self._folder, "r")
         codes = _arrays(self.path, group, self._contents)[RESULT]
@@ -116,23 +124,36 @@ class SweepStore:
         return missing
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Put results of lanes of a chunk on disk; when this returns they are done."""
+        """Write results of some lanes of a chunk to disk.
+
+        When this returns, the lanes count as done, even if the process is killed afterwards.
+
+        **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
+        any order; `arrays`: results by variable, each with a first axis of length n.
+        """
         results = self.layout.checked(len(lanes), arrays)
         with locked(self._folder):
-            # Opened anew, since another process may have extended the store.
+            # Another process may have extended the store since it was opened.
             group = opened_group(self._folder, "r+")
             added = group.attrs[ADDED]
             assert isinstance(added, list)
             for name in set(map(str, added)) - set(results):
-                # Of these lanes, this process has no values of a variable that another one added.
+                # Another process added this variable, and these results lack it: without its file,
+                # the chunk counts as pending for sweeps with the variable.
                 chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
+            # Rows of the store that belong to the chunk; the last chunk may be shorter.
             first, size = chunk * self.layout.chunk, self.layout.chunk
             span = slice(first, min(first + size, opened(group, RESULT).shape[0]))
-            rows = self._place[list(lanes)] - first
+            rows_in_chunk = self._row_of[list(lanes)] - first
+            # A chunk of a variable is one file, so all its rows are written together: results of
+            # some lanes are completed by the stored rows, results of all lanes only sorted by row.
             if len(lanes) < span.stop - first:
-                results = self._merged(group, chunk, span, rows, results)
+                results = self._merged(group, chunk, span, rows_in_chunk, results)
             else:
-                results = {name: values[np.argsort(rows)] for name, values in results.items()}
+                order = np.argsort(rows_in_chunk)
+                results = {name: values[order] for name, values in results.items()}
+            # The result codes mark the lanes as done: they are written last, when the other
+            # variables are safely on disk.
             for name in sorted(results, key=lambda name: name == RESULT):
                 array = opened(group, name)
                 array[span] = results[name]
@@ -147,11 +168,17 @@ class SweepStore:
         rows: np.ndarray,
         results: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
-        """The chunk's lanes with results in some rows; the others as they are on disk, or pending
-        if something of the chunk is missing there."""
+        """Return all rows of a chunk: the given results and, in other rows, the stored ones.
+
+        If a file of the chunk is missing or damaged, the other rows are pending.
+
+        **Arguments:** `span`: rows of the store in this chunk; `rows`: (n,) rows of the given
+        results, counted from the start of the chunk; `results`: given results, by variable.
+        """
         arrays = {name: opened(group, name) for name in results}
+        fills = {name: self.layout.variables[name].fill for name in results}
         merged = {
-            name: np.full((span.stop - span.start, *v.shape[1:]), self._fill(name), v.dtype)
+            name: np.full((span.stop - span.start, *v.shape[1:]), fills[name], v.dtype)
             for name, v in results.items()
         }
         try:
@@ -159,45 +186,44 @@ class SweepStore:
                 merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
         except ValueError:  # A checksum does not agree.
             pass
+        # If this process is killed between two arrays, old result codes would mark rows as done
+        # whose other values are missing.
         if (merged[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
             merged[name][rows] = values
         return merged
 
-    def _fill(self, name: str) -> bool | int | float:
-        return self.layout.variables[name].fill
-
     def write_grid(self) -> None:
-        """Write the results along the axes, for other programs, unless they are there."""
+        """Write the results along the axes for other programs, unless they are up to date."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # `dataset` tells of damage.
+            warnings.simplefilter("ignore")  # `dataset` warns of damage.
             results = _labelled(self.path, contents_of(self.path))
         if not grid_shows(self.path, results):
             with locked(self._folder):
                 write_grid(self.path, results)
 
     def _write_grid_if_due(self) -> None:
-        begun = time.monotonic()
-        if begun - self._grid_written > max(GRID_PERIOD, self._grid_seconds / GRID_SHARE):
+        start = time.monotonic()
+        if start - self._grid_written > max(GRID_PERIOD, self._grid_seconds / GRID_SHARE):
             self.write_grid()
             self._grid_written = time.monotonic()
-            self._grid_seconds = self._grid_written - begun
+            self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """All results with labels; lanes that are not done have the `result` -1, pending."""
+        """Return all results with labels; lanes that are not done have the `result` -1."""
         return _labelled(self.path, self._contents)
 
 
 def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
-    """The results in a sweep's store, along its axes; also while the sweep is running.
+    """Read the results of a sweep's store, along its axes, also while the sweep is running.
 
     Lanes that are not done have the `result` -1 (pending); their numbers are NaN, -1 in integers.
-    So have those of which something on disk is damaged, with a warning that names the files; the
-    same call of `sweep` computes them anew. All of it comes into memory.
+    Lanes with damaged files are pending too, with a warning that names the files; the same call of
+    `sweep` computes them again. All results are read into memory.
 
-    ``xarray.open_zarr(path)`` opens the same results piece by piece. While a sweep is running, or
-    after it was killed, it may show lanes of the last minute as pending.
+    ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
+    was killed, it may show lanes of the last minute as pending.
 
     **Raises:** `ValueError` if there is no sweep's store at the path.
 
@@ -214,43 +240,55 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """The wanted contents in the order of those stored, with what these lack behind."""
-    here = wanted.identity.lanes[RUN]
-    kept = places(stored.identity.lanes[RUN][stored.order], here)
+    """Return the wanted contents in the order of the store's rows.
+
+    The stored lanes keep their rows; lanes that the store lacks get rows at the end. The order of
+    `wanted` is not used.
+
+    **Raises:** `ValueError` that lists the differences, if the store has another sweep.
+    """
+    digests = wanted.identity.lanes[RUN]
+    kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
     lines = differences(stored, wanted, kept)
     if lines:
         raise ValueError(
             f"The store {path} belongs to another sweep:\n  "
             + "\n  ".join(lines)
-            + "\nPass another path, or delete the store to compute it anew."
+            + "\nPass another path, or delete the store to compute it again."
         )
-    order = np.concatenate([kept, np.setdiff1d(np.arange(len(here)), kept)])
+    order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
     added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
     return wanted._replace(order=order, added=added)
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """By chunk the lanes that are pending, of codes in the order of the store."""
+    """Return the pending lanes by number of their chunk.
+
+    **Arguments:** `codes`: (rows,) result code of each row of the store; `order`: (rows,) lane in
+    each row; `chunk`: number of rows of a chunk.
+    """
     pending: dict[int, list[int]] = {}
-    for place in np.flatnonzero(codes == PENDING):
-        pending.setdefault(int(place) // chunk, []).append(int(order[place]))
+    for row in np.flatnonzero(codes == PENDING):
+        pending.setdefault(int(row) // chunk, []).append(int(order[row]))
     return pending
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
+    """Read all results of a store, with labels."""
     group = opened_group(path / BY_LANE, "r")
     return labelled(contents, _arrays(path, group, contents))
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """The variables of all lanes in the order of the store, and nothing of chunks that are not
-    done, or of which something is damaged.
+    """Read the variables of all lanes, in the order of the store's rows.
 
-    The codes are read first: a chunk that another process ends meanwhile stays pending.
+    Lanes of chunks that are not done or have damaged files get fill values.
     """
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
-    lanes = slice(len(contents.order))  # Another process may have added some.
+    lanes = slice(len(contents.order))  # Another process may have added lanes.
+    # Result codes are written last, so they are read first: a chunk that another process finishes
+    # in between stays pending here.
     codes, faults = read(folder, opened(group, RESULT))
     codes = codes[lanes]
     done = codes != PENDING
@@ -262,26 +300,22 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         arrays[name] = values[lanes]
         for chunk, fault in faults.items():
             span = layout.span(chunk)
+            # A variable that was added later has no files for lanes that were done before.
             if done[span].any() and not (fault == MISSING and name in contents.added):
                 damaged.append(f"{chunk_file(folder, array, chunk)} is {fault}")
             codes[span] = PENDING
     for name, values in arrays.items():
         values[codes == PENDING] = layout.variables[name].fill
     if damaged:
-        _warn(path, damaged)
+        more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+        warnings.warn(
+            f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
+            "chunks are pending; sweep with the same arguments to compute them again.",
+            stacklevel=3,
+        )
     return {RESULT: codes, **arrays}
 
 
-def _warn(path: Path, damaged: Sequence[str]) -> None:
-    more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
-    warnings.warn(
-        f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
-        "chunks are pending; sweep with the same arguments to compute them anew.",
-        stacklevel=4,
-    )
-
-
 def _flush(path: Path) -> None:
-    """Have a file's bytes on disk before going on."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())

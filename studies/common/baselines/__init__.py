@@ -1,1 +1,1 @@
-"""Programs to compare with: the same models in SciPy and in Exudyn."""
+"""The same models in SciPy and Exudyn, for comparison."""

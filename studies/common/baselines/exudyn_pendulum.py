@@ -30,7 +30,6 @@ from typing import Any
 
 import numpy as np
 
-from studies.common.baselines.result import BaselineRun
 from studies.common.baselines.scipy_pendulum import (
     BEARING_RADIUS,
     BROAD,
@@ -39,6 +38,7 @@ from studies.common.baselines.scipy_pendulum import (
     MASS,
     SLENDER,
     YOUNG_MODULUS,
+    BaselineRun,
     ravn_contact,
 )
 
@@ -51,16 +51,16 @@ except ImportError as error:
 eu: Any = utilities  # its own annotations declare enumerations and floats as int
 
 ENTRY_SPEED_FLOOR = 1e-6
-"""m/s."""
+"""Floor of the entry speed, m/s."""
 SLIDER_MASS = 1e-6
-"""kg, of the bearing spheres, which move along the axis only."""
+"""Mass of a bearing sphere, which moves along the axis only, kg."""
 SMALLEST_STEP = 1e-10
-"""s."""
+"""Smallest step, s."""
 
 
 @dataclass(frozen=True)
 class FirstImpact:
-    """Onset in s, entry speed in m/s and peak force in N of base V's first impact."""
+    """Onset, s, entry speed, m/s, and peak force, N, of the first impact of base V."""
 
     onset: float
     entry_speed: float
@@ -74,7 +74,7 @@ class _Model:
     system: Any
     arms: tuple[int, int]
     contact: int
-    memory: int
+    entry_speeds: int
 
 
 def _arm(system: Any, inertia: tuple[float, float, float], position: list[float]) -> int:
@@ -87,7 +87,7 @@ def _arm(system: Any, inertia: tuple[float, float, float], position: list[float]
 
 
 def _bearing(system: Any, journal: int, z: float) -> int:
-    """Marker of a bearing sphere that follows the journal's marker along the ground's Z axis."""
+    """Return the marker of a bearing sphere that follows the journal along the ground's Z axis."""
     node = system.AddNode(eu.Node1D(referenceCoordinates=[0.0]))
     slider = system.AddObject(
         eu.Mass1D(
@@ -105,16 +105,16 @@ def _bearing(system: Any, journal: int, z: float) -> int:
 def _base(
     system: Any, arm: int, z: float, clearance: float, restitution: float, young: float
 ) -> tuple[int, int]:
-    """Contact of the base at `z`, m: its object and its data node."""
+    """Add the contact of the base at `z`, m, and return its object and data node."""
     law = ravn_contact(clearance, restitution, young)
     journal = system.AddMarker(eu.MarkerBodyRigid(bodyNumber=arm, localPosition=[-0.5, 0.0, z]))
-    memory = system.AddNode(
+    entry_speeds = system.AddNode(
         eu.NodeGenericData(initialCoordinates=[clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4)
     )
     contact = system.AddObject(
         eu.ObjectContactSphereSphere(
             markerNumbers=[journal, _bearing(system, journal, z)],
-            nodeNumber=memory,
+            nodeNumber=entry_speeds,
             spheresRadii=[BEARING_RADIUS - clearance, BEARING_RADIUS],
             isHollowSphere1=True,
             contactStiffness=law.stiffness,
@@ -124,7 +124,7 @@ def _base(
             minimumImpactVelocity=ENTRY_SPEED_FLOOR,
         )
     )
-    return contact, memory
+    return contact, entry_speeds
 
 
 def _model(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -> _Model:
@@ -134,9 +134,11 @@ def _model(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -
     system.CreateRevoluteJoint(
         itemNumbers=[arm_2, arm_3], position=[1.0, 0.0, 0.0], axis=[1.0, 0.0, 0.0]
     )
-    contact, memory = _base(system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution, young)
+    contact, entry_speeds = _base(
+        system, arm_2, -0.5 * JOURNAL_LENGTH, clearance, restitution, young
+    )
     _base(system, arm_2, 0.5 * JOURNAL_LENGTH, clearance, restitution, young)
-    return _Model(system, (arm_2, arm_3), contact, memory)
+    return _Model(system, (arm_2, arm_3), contact, entry_speeds)
 
 
 def _settings(duration: float, step: float) -> Any:
@@ -175,9 +177,9 @@ def run(
 
 
 def first_impact(step: float) -> FirstImpact:
-    """What the first impact of base V looks like at this largest step, s, every step recorded."""
+    """Simulate the first impact of base V with a largest step, s, and every step recorded."""
     model = _model(5e-4, 0.9)
-    force, memory = (
+    force, entry_speeds = (
         model.system.AddSensor(sensor)
         for sensor in (
             eu.SensorObject(
@@ -186,7 +188,7 @@ def first_impact(step: float) -> FirstImpact:
                 outputVariableType=exu.OutputVariableType.Force,
             ),
             eu.SensorNode(
-                nodeNumber=model.memory,
+                nodeNumber=model.entry_speeds,
                 storeInternal=True,
                 outputVariableType=exu.OutputVariableType.Coordinates,
             ),
@@ -195,7 +197,7 @@ def first_impact(step: float) -> FirstImpact:
     model.system.Assemble()
     model.system.SolveDynamic(_settings(0.0105, step))
     forces = model.system.GetSensorStoredData(force)[:, 1:]
-    t, gap, _, entry_speed, _ = model.system.GetSensorStoredData(memory).T
+    t, gap, _, entry_speed, _ = model.system.GetSensorStoredData(entry_speeds).T
     inside = np.argmax(gap < 0.0)
     onset = t[inside] + gap[inside] / entry_speed[inside]
     peak = np.linalg.norm(forces, axis=1).max()
@@ -205,7 +207,7 @@ def first_impact(step: float) -> FirstImpact:
 def probes(
     young: float, restitution: float, clearance: float, times: np.ndarray, step: float
 ) -> np.ndarray:
-    """(4, T) x and y of the bases V and W at `times`, s, in m; between steps interpolated."""
+    """Return x and y of the bases V and W at `times`, s, (4, T) m, interpolated between steps."""
     model = _model(clearance, restitution, young)
     sensors = [
         model.system.AddSensor(

@@ -1,23 +1,22 @@
-"""The paper's double pendulum as a SciPy user would write it.
+"""The paper's double pendulum written with SciPy.
 
-The model of `clearjoint.double_pendulum`, written independently: arm 2 hangs on the
-ground by a joint with clearance (axis Z, bases V and W, no friction, no axial stop, Lankarani and
-Nikravesh's law with Ravn's stiffness), arm 3 on arm 2 by an ideal revolute joint about X (Flores et
-al. 2006, section 6, Tables 1 and 2). Absolute coordinates, 26 states: position and Euler parameters
-of both arms, then their velocities and spins in body axes. The hinge is five constraint rows with
-multipliers and Baumgarte's terms (eq. 32).
+The model is that of `clearjoint.mechanisms.double_pendulum`, written independently (Flores et al.
+2006, section 6, Tables 1 and 2): arm 2 hangs on the ground by a joint with clearance (axis Z, bases
+V and W, no friction, no axial stop, Lankarani and Nikravesh's law with Ravn's stiffness), and arm 3
+on arm 2 by an ideal revolute joint about X. There are 26 states in absolute coordinates: positions
+and Euler parameters of both arms, then velocities and spins in body axes. The hinge has five
+constraint rows with multipliers and Baumgarte's terms (eq. 32).
 
-How impacts are remembered: a base is either in flight or in contact, and the force follows that
-mode, not the sign of the gap, so that the integrator sees no jump within a step. `DOP853` steps on
-its own; when an accepted step ends with a base in flight inside the wall, the onset is found on the
-step's dense output, the entry speed is latched there, and the integration restarts from it. That is
-what terminal events of `solve_ivp` would do, at one evaluation of the gaps a step instead of two
-event functions. Latching at the end of the step without going back would be less accurate. At
-separation the force fades to zero, so the latch is only cleared at the end of that step.
+Each base is either in flight or in contact. The force follows this mode, not the sign of the gap,
+so that the integrator sees no discontinuity within a step of `DOP853`. If an accepted step ends
+with a base in flight inside the wall, the onset is found on the dense output of the step, the entry
+speed is stored, and the integration restarts from the onset, as with terminal events of
+`solve_ivp`. At separation the force fades to zero, so the mode changes only at the end of that
+step.
 
-Against the event-exact reference (c 0.5 mm, e 0.9), r2 at 0.1 s is off by 9e-7, 6e-8, 6e-8 and
-2e-12 m for rtol 1e-6, 1e-8, 1e-10 and 1e-12 (atol = rtol/100): the error estimate is now and then
-fooled by the step across a separation, where the force has no second derivative.
+Against the event-exact reference (c 0.5 mm, e 0.9), errors of r2 at 0.1 s are 9e-7, 6e-8, 6e-8 and
+2e-12 m for rtol 1e-6, 1e-8, 1e-10 and 1e-12 (atol = rtol/100). The error estimate is sometimes
+wrong in the step across a separation, where the force has no second derivative.
 """
 
 import time
@@ -27,24 +26,41 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import root_scalar
 
-from studies.common.baselines.result import BaselineRun
+
+@dataclass(frozen=True)
+class BaselineRun:
+    """Final state and cost of a run.
+
+    - `r2`, `r3`: final centres of mass of the arms, (3,) m.
+    - `steps`: accepted steps.
+    - `right_hand_sides`: evaluations of the equations of motion, or of their residual by an
+      implicit method.
+    - `seconds`: wall time of the integration without preparation.
+    """
+
+    r2: np.ndarray
+    r3: np.ndarray
+    steps: int
+    right_hand_sides: int
+    seconds: float
+
 
 MASS = 7.02
-"""Of each arm, kg (Table 1)."""
+"""Mass of each arm, kg (Table 1)."""
 SLENDER, BROAD = 0.0010, 0.5855
-"""Moments of inertia about the rod's own axis and across it, kg m^2 (Table 1)."""
+"""Moments of inertia about the axis of the rod and across it, kg m^2 (Table 1)."""
 GRAVITY = np.array([0.0, 9.81, 0.0])
-"""m/s^2."""
+"""Gravity, m/s^2."""
 BEARING_RADIUS, JOURNAL_LENGTH = 10e-3, 20e-3
-"""m."""
+"""Bearing radius and journal length, m."""
 YOUNG_MODULUS, POISSON_RATIO = 207e9, 0.3
-"""Pa and 1, of both surfaces (Table 2)."""
+"""Young's modulus, Pa, and Poisson's ratio of both surfaces (Table 2)."""
 ALPHA, BETA = 5.0, 5.0
-"""Baumgarte's parameters, 1/s; the paper gives none, 5 is its authors' usual choice."""
+"""Baumgarte's parameters, 1/s; the paper gives none, 5 is the usual choice of its authors."""
 MAX_STEP = 5e-4
-"""s; keeps a step in flight from jumping over a short contact."""
+"""Largest step, s; a longer step in flight could miss a short contact."""
 TOUCH = 1e-14
-"""m; below this a gap is rounding: bases that touch at once are latched together."""
+"""Gaps below this are rounding, m: bases that touch at once enter contact together."""
 
 _INERTIA = np.array([[SLENDER, BROAD, BROAD], [BROAD, BROAD, SLENDER]])
 _INVERSE_MASS = 1.0 / np.hstack([np.full((2, 3), MASS), _INERTIA]).ravel()
@@ -60,7 +76,7 @@ _HINGE_3, _Y, _Z = range(3)
 
 
 def _skew_basis() -> np.ndarray:
-    """(3, 9): w @ this is the matrix of w x, flattened."""
+    """Return the (3, 9) array B for which w @ B is the flattened matrix of w x."""
     basis = np.zeros((3, 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         basis[i, k, j], basis[i, j, k] = 1.0, -1.0
@@ -68,7 +84,7 @@ def _skew_basis() -> np.ndarray:
 
 
 def _euler_basis() -> np.ndarray:
-    """(4, 24): p @ this holds Nikravesh's matrices G and L, (2, 3, 4), flattened."""
+    """Return the (4, 24) array B for which p @ B are the flattened matrices G and L, (2, 3, 4)."""
     basis = np.zeros((4, 2, 3, 4))
     skew = _skew_basis().reshape(3, 3, 3)
     for i in range(3):
@@ -97,7 +113,7 @@ class Contact:
 
 
 def ravn_contact(clearance: float, restitution: float, young: float = YOUNG_MODULUS) -> Contact:
-    """Ravn's stiffness for the paper's steel, and Lankarani and Nikravesh's damping factor."""
+    """Return the contact with Ravn's stiffness for steel, and Lankarani and Nikravesh's damping."""
     compliance = 2.0 * (1.0 - POISSON_RATIO**2) / young
     radius = BEARING_RADIUS * (BEARING_RADIUS - clearance) / clearance
     stiffness = 4.0 / (3.0 * compliance) * np.sqrt(radius)
@@ -106,9 +122,10 @@ def ravn_contact(clearance: float, restitution: float, young: float = YOUNG_MODU
 
 @dataclass(frozen=True)
 class _Motion:
-    """Per arm: Nikravesh's L (2, 3, 4); A, its rate and the spin's matrix (2, 3, 3).
+    """Quantities of both arms.
 
-    Also the columns of `_MARKS` in global axes from the centre of mass, m, and their rates, m/s.
+    Nikravesh's L (2, 3, 4); A, its rate and the matrix of the spin (2, 3, 3); the columns of
+    `_MARKS` in global axes from the centre of mass, m, and their rates, m/s.
     """
 
     l: np.ndarray
@@ -131,7 +148,7 @@ def _motion(y: np.ndarray) -> _Motion:
 
 
 def _gaps(y: np.ndarray, motion: _Motion, clearance: float) -> tuple[np.ndarray, ...]:
-    """Depth and rate of both bases, (2,) m and m/s, and the outward normals, (2, 2)."""
+    """Return depth and rate of both bases, (2,) m and m/s, and the outward normals, (2, 2)."""
     centre = y[:2, None] + motion.marks[0, :2, :2]
     velocity = y[14:16, None] + motion.rates[0, :2, :2]
     distance = np.sqrt((centre * centre).sum(axis=0))
@@ -142,7 +159,7 @@ def _gaps(y: np.ndarray, motion: _Motion, clearance: float) -> tuple[np.ndarray,
 def _contact_force(
     y: np.ndarray, motion: _Motion, entry: np.ndarray, contact: Contact
 ) -> np.ndarray:
-    """Force and moment in body axes on arm 2, (6,) N and N m; `entry` is 0 in flight."""
+    """Return force and moment on arm 2 in body axes, (6,) N and N m; `entry` is 0 in flight."""
     depth, rate, normal = _gaps(y, motion, contact.clearance)
     touching = (entry > 0.0) & (depth > 0.0)
     speed = np.where(touching, entry, 1.0)
@@ -156,7 +173,7 @@ def _contact_force(
 
 
 def _constraints(y: np.ndarray, m: _Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The hinge's residuals (5,), Jacobian (5, 12) and acceleration bias (5,)."""
+    """Return residuals (5,), Jacobian (5, 12) and acceleration bias (5,) of the hinge."""
     bias = m.a_rate @ m.spin @ _MARKS
     x, across = m.marks[0, :, _X], m.marks[1, :, _Y : _Z + 1].T
     x_rate, across_rate = m.rates[0, :, _X], m.rates[1, :, _Y : _Z + 1].T
@@ -177,10 +194,10 @@ def _constraints(y: np.ndarray, m: _Motion) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def right_hand_side(t: float, y: np.ndarray, entry: np.ndarray, contact: Contact) -> np.ndarray:
-    """Time derivative of the state.
+    """Return the time derivative of the state.
 
-    **Arguments:** time s (unused); state (26,); latched entry speeds of V and W, (2,) m/s, zero for
-    a base in flight; the contact's parameters.
+    **Arguments:** time, s (unused); state (26,); entry speeds of V and W, (2,) m/s, zero in flight;
+    parameters of the contact.
     """
     del t
     motion = _motion(y)
@@ -205,20 +222,20 @@ def right_hand_side(t: float, y: np.ndarray, entry: np.ndarray, contact: Contact
 
 
 def initial_state() -> np.ndarray:
-    """At rest, the journal centred, all frames parallel; (26,)."""
+    """Return the state at rest with a centred journal and parallel frames, (26,)."""
     y = np.zeros(26)
     y[[0, 3, 7, 9, 10]] = 0.5, 1.0, 1.0, 0.5, 1.0
     return y
 
 
 def depths_and_rates(y: np.ndarray, contact: Contact) -> tuple[np.ndarray, np.ndarray]:
-    """Penetrations (negative in flight) and their rates at V and W, (2,) m and m/s."""
+    """Return penetrations (negative in flight) and their rates at V and W, (2,) m and m/s."""
     depth, rate, _ = _gaps(y, _motion(y), contact.clearance)
     return depth, rate
 
 
 def _onset(solver: DOP853, contact: Contact, base: int) -> float:
-    """The time, s, at which `base` touched the wall within the solver's last step."""
+    """Return the time at which `base` touched the wall within the last step of the solver, s."""
     path = solver.dense_output()
 
     def depth(t: float) -> float:
@@ -237,8 +254,8 @@ def run(
 ) -> BaselineRun:
     """Simulate from rest.
 
-    **Arguments:** `duration` s; `rtol` and `atol` of `scipy.integrate.DOP853`; radial `clearance`
-    m; requested `restitution`; `floor` m/s under the latched entry speed.
+    **Arguments:** `duration`, s; `rtol` and `atol` of `scipy.integrate.DOP853`; radial `clearance`,
+    m; requested `restitution`; `floor` of the entry speed, m/s.
     """
     contact = ravn_contact(clearance, restitution)
     entry = np.zeros(2)

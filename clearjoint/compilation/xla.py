@@ -1,0 +1,118 @@
+"""Functions that XLA compiles at their first call."""
+
+from collections.abc import Callable
+from functools import update_wrapper, wraps
+from typing import Generic, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.experimental.xla_metadata import set_xla_metadata
+from jaxtyping import PyTree
+
+from .clock import begins_a_program, program_is_made_inside
+from .tracing import collector_at_rest, is_tracing
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
+"""XLA's compiler options: LLVM's first level of optimisation takes less time than its third."""
+_ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
+"""Attributes of a call by which XLA compiles it as a function of its own."""
+
+
+class Compiled(Generic[Arguments, Result]):
+    """A function compiled as by `equinox.filter_jit`: a change of anything other than the values of
+    arrays compiles again. JAX's cache on disk saves compiled programs.
+
+    Python's garbage collector is off during a call; see `.tracing`.
+    """
+
+    __wrapped__: Callable[Arguments, Result]
+
+    def __init__(self, function: Callable[Arguments, Result]):
+        traced = begins_a_program(function)
+        # JAX accepts compiler options for outermost programs only.
+        self._inner = eqx.filter_jit(traced)
+        self._outermost = eqx.filter_jit(  # pyright: ignore
+            traced, compiler_options=OPTIONS
+        )
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        """Return the function's result."""
+        with collector_at_rest(), program_is_made_inside():
+            compiled = self._inner if is_tracing() else self._outermost
+            return compiled(*arguments, **options)
+
+    def programs(self) -> int:
+        """Return the number of compiled programs."""
+        return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
+
+
+class HostFirst(Generic[Arguments, Result]):
+    """A function of PyTrees that is computed by NumPy, or if that fails by a compiled program.
+
+    For functions that are called once or twice in a run: NumPy takes milliseconds for some hundred
+    scalar operations, and XLA half a second to compile them. NumPy fails if the function needs JAX,
+    for a derivative for instance.
+    """
+
+    __wrapped__: Callable[Arguments, Result]
+
+    def __init__(self, function: Callable[Arguments, Result]):
+        self._compiled = Compiled(function)
+        self._need_jax: set[jax.tree_util.PyTreeDef] = set()  # pyright: ignore
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        """Return the function's result."""
+        structure = jax.tree.structure((arguments, options))
+        if structure not in self._need_jax:
+            results = self._by_numpy(*jax.tree.map(_on_host, (arguments, options)))
+            if results:
+                return results[0]
+            self._need_jax.add(structure)
+        return self._compiled(*arguments, **options)
+
+    def programs(self) -> int:
+        """Return the number of compiled programs."""
+        return self._compiled.programs()
+
+    def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:
+        """Return the result in a list, which is empty if NumPy cannot compute it."""
+        function: Callable[..., Result] = self.__wrapped__
+        results: list[Result] = []
+        with np.errstate(all="ignore"):
+            try:
+                # Under `eval_shape` any operation of JAX, even on known numbers, gives a tracer, by
+                # which it is detected, and nothing is compiled.
+                jax.eval_shape(lambda: results.append(function(*arguments, **options)))
+            except Exception:
+                return []
+        return [] if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(results)) else results
+
+
+def _on_host(leaf: PyTree) -> PyTree:
+    return np.asarray(leaf) if eqx.is_array(leaf) else leaf
+
+
+def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Return a function of PyTrees that XLA's CPU compiler compiles as one function.
+
+    On CPUs XLA starts a kernel for each fusion of operations, and recomputes in each kernel what
+    several of them need. A step of a run, which has some thousand operations on scalars, then takes
+    forty times as long as in one function, and ten times as long to compile. `set_xla_metadata`,
+    by which a call gets attributes, is experimental in JAX.
+    """
+    call = eqx.filter_jit(function)
+
+    @wraps(function)
+    def called(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        if jax.default_backend() != "cpu":
+            return function(*arguments, **options)
+        with set_xla_metadata(**_ONE_FUNCTION):
+            return call(*arguments, **options)
+
+    return called

@@ -1,1 +1,0 @@
-"""Ways out: results as labelled arrays with units, as data frames, CSV and netCDF files."""

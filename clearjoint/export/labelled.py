@@ -1,0 +1,58 @@
+"""Datasets that follow the CF conventions, with units, descriptions, versions and settings."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..fields.types import ArrayLike
+from .provenance import Notes, versions
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+COMPONENT = "component"
+COMPONENTS = ("x", "y", "z")
+
+
+class Labelled(NamedTuple):
+    """An array with names of its dimensions, unit (``None`` if unknown) and description."""
+
+    dims: tuple[str, ...]
+    values: ArrayLike
+    unit: str | None = None
+    description: str = ""
+    attributes: Mapping[str, object] = {}
+
+
+def labelled_dataset(
+    title: str,
+    variables: Mapping[str, Labelled],
+    coordinates: Mapping[str, Labelled],
+    notes: Notes = (),
+) -> "xr.Dataset":
+    """Return a dataset of labelled arrays.
+
+    **Arguments:** `notes`: settings and numbers for a reader.
+    """
+    import xarray as xr
+
+    parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]
+    source = {name.removeprefix("version of "): text for name, text in versions().items()}
+    whole = {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": ", ".join(f"{name} {text}" for name, text in source.items()),
+    }
+    return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
+
+
+def texts(labels: ArrayLike) -> np.ndarray:
+    """Return labels as an array of texts, which may be empty."""
+    return np.array(np.asarray(labels).tolist(), dtype=str)
+
+
+def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
+    given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
+    attributes = {name: value for name, value in given.items() if value is not None}
+    return one.dims, np.asarray(one.values), attributes

@@ -1,0 +1,55 @@
+"""Provenance of numbers: descriptions of settings and versions as texts for a reader."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache, partial
+from importlib.metadata import version
+
+import jax
+import numpy as np
+
+LONGEST = 200
+_VERSIONED = ("clearjoint", "jax", "diffrax")
+Notes = tuple[tuple[str, str | int | float], ...]
+"""Texts and numbers by name, as attributes of a netCDF file."""
+
+
+def describe(value: object) -> str:
+    """Return a text with the names of classes and functions and their numbers."""
+    if isinstance(value, partial):
+        return f"partial({describe([value.func, value.args, value.keywords])})"
+    if isinstance(value, np.ndarray | jax.Array | np.generic):
+        text = repr(np.asarray(value).tolist())
+        return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = [f"{f.name}={describe(getattr(value, f.name))}" for f in fields(value)]
+        return f"{type(value).__name__}({', '.join(parts)})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k}: {describe(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(describe(part) for part in value) + "]"
+    if isinstance(value, str | int | float | bool | None):
+        return repr(value)
+    return getattr(value, "__qualname__", type(value).__name__)
+
+
+def described(values: Mapping[str, object]) -> dict[str, str]:
+    """Return the description of each value, by name."""
+    return {name: describe(value) for name, value in values.items()}
+
+
+def setting_notes(values: object) -> Notes:
+    """Return the fields of a dataclass as "setting_<name>": numbers, and texts of other values."""
+    by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
+    return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
+
+
+def _note(value: object) -> str | int | float:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if plain else describe(value)  # pyright: ignore
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of clearjoint, JAX and diffrax."""
+    return {f"version of {name}": version(name) for name in _VERSIONED}

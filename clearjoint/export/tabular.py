@@ -1,0 +1,131 @@
+"""Export of results: data frames, CSV and netCDF files, from datasets with units."""
+
+import abc
+import itertools
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..fields.checks import require
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
+"""Dimensions whose labels precede the variable's name, as "arm" in "arm.position.x"."""
+
+
+class AbstractTabular(abc.ABC):
+    """A result that can be exported as `xarray.Dataset`, data frame, CSV and netCDF file.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"x": np.ones(2)}, {"x": "m"})
+    print(crossings.to_dataframe().columns.tolist())  # ["x [m]"]
+    ```
+    """
+
+    @abc.abstractmethod
+    def to_xarray(self) -> "xr.Dataset":
+        """Return an `xarray.Dataset` with settings and versions as attributes.
+
+        Its variables have the attributes "units" and "long_name".
+        """
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a `pandas.DataFrame` with a row for each time (impact, crossing, parameter).
+
+        Each number has a column, whose name has the unit, such as "arm.position.x [m]".
+        """
+        return to_frame(self.to_xarray())
+
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write `to_dataframe` to a CSV file for `clearjoint.read_csv` and spreadsheets.
+
+        Units are in the header, and numbers are written without loss.
+
+        **Arguments:** `path`: overwritten if it exists.
+        """
+        self.to_dataframe().to_csv(path)
+
+    def to_netcdf(self, path: str | PathLike[str]) -> None:
+        """Write `to_xarray` to a netCDF file (classic format, 64-bit offsets), without loss.
+
+        The writer of this format supports only Latin-1. Other characters in names of variables are
+        escaped ("\\u8f74"), and the attribute "original_name" has the name.
+
+        **Arguments:** `path`: overwritten if it exists.
+        """
+        write_netcdf(self.to_xarray(), path)
+
+
+def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
+    """Write a dataset as `AbstractTabular.to_netcdf` does.
+
+    **Raises:** `ValueError` for a variable without a name.
+    """
+    escaped = {}
+    for name in map(str, (*dataset.variables, *dataset.sizes)):
+        require(name != "", "name", name, "at least one character", "name the variable")
+        written = name.encode("latin-1", "backslashreplace").decode("latin-1")
+        if written != name:
+            escaped[name] = written
+    for name in escaped:
+        if name in dataset.variables:
+            dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
+    dataset.rename(escaped).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
+
+
+def header(name: str, attributes: dict) -> str:
+    """Return a column's name with the unit in its attributes: "pin.penetration [m]"."""
+    return f"{name} [{attributes['units']}]" if attributes.get("units") else name
+
+
+def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
+    """Return a data frame with a row for each position along a dimension.
+
+    Variables and coordinates without that dimension are left out. Codes with flags are replaced by
+    their meanings.
+
+    **Arguments:** `rows`: the dimension; by default the dataset's first.
+    """
+    import pandas as pd
+
+    rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
+    columns = {}
+    coordinates = [name for name in dataset.coords if name != rows]
+    for name in (*coordinates, *dataset.data_vars):
+        array = dataset[name]
+        if rows in array.dims:
+            columns |= _columns(str(name), array, rows)
+    index = dataset[rows]
+    named = header(rows, index.attrs)
+    return pd.DataFrame(columns, index=pd.Index(index.values, name=named))
+
+
+def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
+    """Return the columns of a variable, one for each combination of its other labels."""
+    others = [str(dim) for dim in array.dims if dim != rows]
+    values = array.transpose(rows, *others).values
+    attributes = array.attrs
+    if "flag_meanings" in attributes:
+        values, attributes = _meanings(values, attributes), {}
+    columns = {}
+    for index in itertools.product(*(range(array.sizes[dim]) for dim in others)):
+        labels = {d: str(array[d].values[k]) for d, k in zip(others, index, strict=True)}
+        front = [label for dim, label in labels.items() if dim in IN_FRONT]
+        behind = [label for dim, label in labels.items() if dim not in IN_FRONT]
+        columns[header(".".join([*front, name, *behind]), attributes)] = values[(..., *index)]
+    return columns
+
+
+def _meanings(codes: np.ndarray, attributes: dict) -> np.ndarray:
+    flags = np.atleast_1d(attributes["flag_values"]).tolist()
+    texts = dict(zip(flags, attributes["flag_meanings"].split(), strict=True))
+    return np.array([texts.get(code, str(code)) for code in codes.ravel()], dtype=object).reshape(
+        codes.shape
+    )

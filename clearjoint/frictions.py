@@ -1,0 +1,18 @@
+"""Friction laws of contacts, passed as `friction=` to a joint with clearance.
+
+Regularised laws creep instead of sticking; those with bristles (`Dahl`, `LuGre`, `ElastoPlastic`)
+stick."""
+
+from .fields.readable import without_modules as _without_modules
+from .model.contact.bristles import Dahl as Dahl
+from .model.contact.bristles import ElastoPlastic as ElastoPlastic
+from .model.contact.bristles import LuGre as LuGre
+from .model.contact.friction import Ambrosio as Ambrosio
+from .model.contact.friction import LinearCoulomb as LinearCoulomb
+from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
+from .model.contact.friction import Threlfall as Threlfall
+from .model.contact.stribeck import BengisuAkay as BengisuAkay
+from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
+from .model.contact.stribeck import Stribeck as Stribeck
+
+__dir__ = _without_modules(globals())

@@ -1,0 +1,115 @@
+"""Axial behaviour of a clearance joint: free, fixed, or limited by shoulders."""
+
+from typing import ClassVar
+
+from ...fields.conversion import AbstractConverting
+from ...fields.declarations import quantity
+from ...fields.types import Single
+from ...math.vectors import Scalar
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw, require_flat_law
+
+
+class AbstractAxialPolicy(AbstractConverting):
+    """Axial behaviour of a clearance joint.
+
+    A subclass sets `holds_centre`, so that an ideal constraint keeps the journal's centre in the
+    bearing's middle plane, or it defines two shoulders at the ends of the bearing:
+
+    ```python
+    import clearjoint as cj
+
+    class ThrustWashers(cj.extend.AbstractAxialPolicy):
+        lower_play: float  # m, from the journal's end to the washer
+        upper_play: float
+        stiffness: float  # N/m^1.5
+
+        def shoulder_law(self):
+            return cj.laws.Hertz(self.stiffness)
+
+        def shoulder_gap(self, side, offset, rate):
+            play = self.lower_play if side < 0 else self.upper_play
+            return cj.extend.Gap(offset - play, rate)
+
+    washers = ThrustWashers(lower_play=1e-4, upper_play=3e-4, stiffness=1e9)
+    scene, state = cj.mechanisms.double_pendulum(axial=washers)
+    ```
+    """
+
+    holds_centre: ClassVar[bool] = False
+
+    def shoulder_law(self) -> AbstractContactLaw | None:
+        """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
+        return None
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """Return the gap at one shoulder.
+
+        **Arguments:**
+
+        - `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for the upper
+          end.
+        - `offset`: m, displacement of the journal's end towards the shoulder, zero for a centred
+          journal.
+        - `rate`: rate of `offset`, m/s.
+        """
+        del side
+        return Gap(offset, rate)
+
+
+class FreeAxially(AbstractAxialPolicy):
+    """No axial support: the journal slides freely along a bearing of unlimited length.
+
+    Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
+    Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
+    use `EndPlay` for a bearing with shoulders, or `FixedAxially` if the axial motion is not of
+    interest.
+
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FreeAxially())
+    >>> scene.joints["shoulder"].axial
+    FreeAxially()
+    """
+
+
+class FixedAxially(AbstractAxialPolicy):
+    """An ideal constraint that keeps the journal's centre in the bearing's middle plane.
+
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FixedAxially())
+    >>> scene.joints["shoulder"].axial
+    FixedAxially()
+    """
+
+    holds_centre = True
+
+
+class EndPlay(AbstractAxialPolicy):
+    """Shoulders at both ends that stop the journal after half the play to each side.
+
+    The force acts along the bearing's axis at the journal's base. The shoulders have no friction.
+
+    **Arguments:**
+
+    - `play`: m, total axial travel between the shoulders.
+    - `law`: normal law of a shoulder; it needs an explicit stiffness, because the surfaces are
+      flat.
+
+    >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
+    >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
+    >>> print(f"{gap.depth:.2e} m")  # beyond half the play
+    5.00e-05 m
+    """
+
+    play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+
+    def __check_init__(self):
+        require_flat_law(self.law, "shoulders")
+
+    def shoulder_law(self) -> AbstractContactLaw:
+        """Return the law of both shoulders."""
+        return self.law
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """Return the gap at a shoulder, which begins after half the play."""
+        del side
+        return Gap(offset - 0.5 * self.play, rate)

@@ -1,0 +1,231 @@
+"""Backlash: angular play of two bodies about an axis that an ideal joint holds."""
+
+import math
+from dataclasses import replace
+from typing import Annotated
+
+import equinox as eqx
+
+from ...fields.checks import as_number, checkable, require, require_axis, require_positive
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple, TripleLike
+from ...math.functions import wrapped
+from ...math.rotations import unit
+from ...math.vectors import ZERO, Scalar, Vector, add
+from ..contact.damping_factors import ExactRestitution
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.limits import Limit
+from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.constraint_rows import relative_angle_row
+from ..joints.pairs import require_distinct
+
+FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
+"""Contact labels, and the sense of rotation that each flank limits."""
+TURN = 2.0 * math.pi
+WIDE_BACKLASH = 0.5
+"""Backlash above which a warning is issued, rad."""
+LARGEST_RADIUS = 10.0
+"""Flank radius above which a warning is issued, m."""
+DEFAULT_RADIUS = 0.01
+"""Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
+
+
+def _flank_law(
+    radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
+) -> AbstractContactLaw:
+    """Return the linear law of flanks with a torsional stiffness in N m/rad."""
+    require(
+        torsional_stiffness is not None,
+        "law",
+        None,
+        "given, or else a `torsional_stiffness`",
+        "pass the stiffness of a pressed flank in N m/rad, or a normal law",
+    )
+    torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
+    require_positive("torsional_stiffness", torsional, "give it in N m/rad")
+    stiffness = torsional / as_number(radius, "radius", "m") ** 2
+    restitution = 0.5 if restitution is None else restitution
+    return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
+
+
+class Backlash(AbstractContactJoint):
+    """Angular play about an axis: the second body rotates freely between two flanks.
+
+    Let theta be the second body's angle about the axis, measured from the middle of the play, and r
+    the radius of the flanks. The penetrations are
+
+        delta = r (theta - play/2) at the upper flank,
+        delta = r (-theta - play/2) at the lower flank.
+
+    The normal force F of a flank acts on the bodies as a couple F r without a net force, so that
+    every normal law can be used. A torsional stiffness of k N m/rad corresponds to k/r^2 N/m, and
+    the radius then has no influence on the motion. Angles are taken modulo 2 pi from the middle of
+    the play: the number of revolutions is unlimited.
+
+    Backlash doesn't hold the axis. Add a `RevoluteJoint`, or another joint that allows the relative
+    rotation. For two gears with separate axes use `GearBacklash`.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `axis_first`, `axis_second`: axis of rotation, (3,) in each body's axes, as for the revolute
+      joint.
+    - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
+      at `radius`, as specified for gears. The joint stores the angle.
+    - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
+    - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
+    - `law`: normal law of each flank, with an explicit stiffness. Alternatively
+      `torsional_stiffness`: N m/rad, of a closed flank as in gearbox catalogues, with
+      `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
+
+    **Raises:** `ValueError` if the play is not between zero and a full revolution, or is given
+    twice; if an axis has zero length; if the law takes its stiffness from a bearing; or unless
+    exactly one of `law` and `torsional_stiffness` is given.
+
+    Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
+    Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
+
+    ```python
+    import clearjoint as cj
+
+    axis = (0, 0, 1)
+    bodies = {"motor": cj.Body(1.0, (1e-3, 1e-3, 1e-3)), "link": cj.Body(2.0, (0.1, 0.1, 0.1))}
+    joints = {
+        "shaft": cj.RevoluteJoint("ground", "motor", (0, 0, 0), (0, 0, 0), axis, axis),
+        "hinge": cj.RevoluteJoint("motor", "link", (0, 0, 0), (0, 0, 0), axis, axis),
+        "gearbox": cj.Backlash("motor", "link", play=1e-3, torsional_stiffness=2e4),
+    }
+    scene = cj.Scene(bodies, joints)
+    ```
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+    play: Single = quantity(
+        "rad",
+        positive=True,
+        usual=(0.0, WIDE_BACKLASH),
+        remedy="give the whole angle from flank to flank in rad, or a `play_length` in m",
+    )
+    radius: Single = quantity(
+        "m", positive=True, usual=(0.0, LARGEST_RADIUS), remedy="give the flanks' radius in m"
+    )
+    middle: Single = quantity("rad", shape=())
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        *,
+        axis_first: TripleLike = (0.0, 0.0, 1.0),
+        axis_second: TripleLike = (0.0, 0.0, 1.0),
+        play: Scalar | None = None,
+        play_length: Annotated[Scalar | None, "m"] = None,
+        radius: Scalar | None = None,
+        middle: Scalar = 0.0,
+        law: AbstractContactLaw | None = None,
+        torsional_stiffness: Annotated[Scalar | None, "N m/rad"] = None,
+        restitution: Annotated[Scalar | None, "1"] = None,
+    ):
+        require(
+            (play is None) != (play_length is None),
+            "play",
+            play,
+            "given if and only if `play_length` is not",
+            "pass one of the two: an angle in rad, or a length at the radius in m",
+        )
+        if law is None:
+            radius = DEFAULT_RADIUS if radius is None else radius
+            law = _flank_law(radius, torsional_stiffness, restitution)
+        else:
+            given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
+            for name, value in given.items():
+                require(value is None, name, value, "omitted with a `law`", "leave one out")
+        self.first, self.second = first, second
+        self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
+        self.radius, self.middle = as_number(radius, "radius", "m"), middle
+        if play is None:
+            self.play = as_number(play_length, "play_length", "m") / self.radius
+        else:
+            self.play = as_number(play, "play", "rad")
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        require_flat_law(self.law, "flanks")
+
+    def _check_together(self) -> None:
+        if (known := checkable(self.play)) is not None:
+            (play,) = known
+            require(
+                play < TURN,
+                "play",
+                play,
+                "smaller than a full revolution",
+                "give the angle from flank to flank in rad",
+            )
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+        return self.first, self.second
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the law of each flank."""
+        return dict.fromkeys(FLANKS, self.law)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of a flank's law at a penetration in m."""
+        return self.laws()[name].limits(Gap(depth, 0.0))
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return half the way from a flank to the back of the other flank, m."""
+        deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
+        return dict.fromkeys(FLANKS, deepest)
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the second body's angle about the axis, rad within (-pi, pi], as a row."""
+        first, second = motions[self.first], motions[self.second]
+        return relative_angle_row(self.pair(), first, second, self.axis_first, self.axis_second)
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact geometry of both flanks."""
+        row = self.relative_angle(motions)
+        # The period makes the number of revolutions unlimited; it doesn't affect derivatives.
+        angle = wrapped(row.value - self.middle, TURN)
+        speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
+        axis = motions[self.first].direction(unit(self.axis_first))
+        return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
+
+    def _flank(self, side: float, angle: Scalar, speed: Scalar, axis: Vector, row: Row) -> Contact:
+        arm = side * self.radius
+        gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
+        first, second = (row.jacobian[name].moment * arm for name in self.pair())
+        return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return ``None``: a couple causes no slip."""
+        del name, contact, normal_force
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the constraint that holds the bodies in the middle of the play."""
+        return CentredBacklash(self)
+
+
+class CentredBacklash(AbstractConstraint):
+    """Constraint that holds two bodies in the middle of their backlash; one row."""
+
+    backlash: Backlash
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.backlash.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the angle from the middle of the play, rad, as a row."""
+        del t
+        row = self.backlash.relative_angle(motions)
+        angle = wrapped(row.value - self.backlash.middle, TURN)
+        return {"angle": replace(row, value=angle)}

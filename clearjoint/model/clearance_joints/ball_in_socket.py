@@ -1,0 +1,144 @@
+"""The spherical joint with clearance: a ball in a slightly larger socket."""
+
+import equinox as eqx
+import numpy as np
+
+from ...fields.checks import require_point
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector, subtract
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.gap import Gap, slip_velocity
+from ..contact.laws import AbstractContactLaw
+from ..contact.limits import Limit, caution_beyond
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.ideal import SphericalJoint
+from ..pen import AbstractPen, Marker
+from .clearance import LARGEST_BEARING
+from .common import AbstractSharedLawJoint, anchor_of, offset_between, require_smaller_clearance
+
+CONTACT = "ball"
+
+
+class BallInSocket(AbstractSharedLawJoint):
+    """A ball in a slightly larger socket: a spherical joint with clearance.
+
+    The joint has one contact, "ball", along the line of centres. Its penetration is e - c for an
+    eccentricity e and a clearance c (P. Flores et al., Dynamics of multibody systems with spherical
+    clearance joints, 2006). The law receives both radii, so that `RavnStiffness`, Hertz's stiffness
+    of a sphere in a sphere, can depend on them. The ball rotates freely about all axes.
+
+    **Arguments:**
+
+    - `socket_body`, `ball_body`: names of the bodies; one may be the ground.
+    - `socket_point`, `ball_point`: centres, (3,) m in body axes.
+    - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
+    - `law`: the normal law.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+
+    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, or another
+    value is outside its range.
+
+    ```python
+    import clearjoint as cj
+
+    law = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
+    tip = cj.BallInSocket("rocker", "coupler", socket_radius=10e-3, clearance=0.2e-3, law=law)
+    ```
+    """
+
+    socket_body: str = eqx.field(static=True)
+    ball_body: str = eqx.field(static=True)
+    clearance: Single = quantity(
+        "m", positive=True, remedy="give the radial clearance in m", kw_only=True
+    )
+    socket_radius: Single = quantity(
+        "m",
+        positive=True,
+        usual=(0.0, LARGEST_BEARING),
+        remedy="give lengths in m; 1 mm is 1e-3 m",
+        kw_only=True,
+    )
+    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        default=None, kw_only=True
+    )
+
+    def _check_together(self) -> None:
+        require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
+
+    def _caution_together(self) -> None:
+        caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the socket's body and the ball's body."""
+        return self.socket_body, self.ball_body
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the name of the only contact."""
+        return (CONTACT,)
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return both centres."""
+        return (
+            ("socket_point", self.socket_body, self.socket_point),
+            ("ball_point", self.ball_body, self.ball_point),
+        )
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact along the line of centres."""
+        socket, ball = motions[self.socket_body], motions[self.ball_body]
+        centres = self.socket_point, self.ball_point
+        eccentricity, normal = norm_and_direction(
+            offset_between(self.pair(), (socket, ball), centres)
+        )
+        velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
+        radii = self.socket_radius, self.clearance
+        gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
+        # Friction acts on both bodies at one point, midway between the surfaces.
+        shift = 0.5 * gap.depth
+        on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
+        on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
+        slip = None
+        if self.friction is not None:
+            sliding = ball.velocity_at(on_ball) - socket.velocity_at(on_socket)
+            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the ball's radius, m."""
+        return {CONTACT: subtract(self.socket_radius, self.clearance)}
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law at a penetration in m."""
+        del name
+        return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return a spherical joint."""
+        return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return a spherical joint with the ball moved to the wall in the direction of the load.
+
+        Return ``None`` without a load.
+        """
+        size = np.linalg.norm(load)
+        if not size > 0.0:
+            return None
+        centre = self.socket_point + self.clearance / size * load
+        return SphericalJoint(*self.pair(), centre, self.ball_point)
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the ball's centre and the socket's as an anchor, if one body is the ground."""
+        return anchor_of(self.pair(), (self.socket_point, self.ball_point))
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a ball in a socket."""
+        socket = Marker(self.socket_body, self.socket_point)
+        ball = Marker(self.ball_body, self.ball_point)
+        pen.socket(socket, ball, radius=self.socket_radius, clearance=self.clearance)

@@ -1,0 +1,332 @@
+"""The spatial revolute joint with clearance (eqs 1-23).
+
+The first body carries the bearing, the second the journal. Both bases V and W of the journal are
+checked against the bearing's wall, and each base applies the full normal law. The tilt between
+journal and bearing is assumed small, so that the bases' circles lie in the bearing's cross-section
+(as in the paper). Contact of an edge along the wall is not modelled.
+"""
+
+from typing import Annotated
+
+import equinox as eqx
+import numpy as np
+
+from ...fields.checks import (
+    as_number,
+    as_shown,
+    caution_above,
+    caution_unless,
+    concrete,
+    require,
+    require_axis,
+    require_point,
+)
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple, TripleLike
+from ...math.rotations import transverse_axes, unit
+from ...math.vectors import Scalar, Vector, subtract
+from ..bodies import Motion
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
+from ..contact.limits import Limit, caution_beyond
+from ..joints.base import (
+    AbstractConstraint,
+    Attachment,
+    Contact,
+    Motions,
+    Row,
+)
+from ..joints.constraint_rows import point_in_plane, relative_angle_row
+from ..joints.ideal import CylindricalJoint, RevoluteJoint
+from ..pen import AbstractPen, Marker
+from .axial import AbstractAxialPolicy, FreeAxially
+from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
+from .common import (
+    AbstractSharedLawJoint,
+    anchor_of,
+    offset_at_wall,
+    offset_between,
+    require_smaller_clearance,
+)
+from .journal_bases import BASES, SIDES, JournalBases
+
+WIDEST_CLEARANCE = 0.1
+"""Ratio of clearance to bearing radius above which a warning is issued."""
+LARGEST_BEARING = 2.0
+"""Bearing radius above which a warning is issued, m."""
+LONGEST_JOURNAL = 100.0
+"""Ratio of journal length to bearing radius above which a warning is issued."""
+
+
+class ClearanceJoint(AbstractSharedLawJoint):
+    """A revolute joint with clearance: a journal inside a slightly larger bearing.
+
+    **Arguments:**
+
+    - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
+    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in its body's axes.
+      Base V is half a length from the centre against the axis, base W half a length along it.
+    - `bearing_radius`: m.
+    - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
+      difference of the radii. The joint stores the clearance, because it is small and often varied.
+    - `journal_length`: m, distance between the bases.
+    - `law`: normal law at each base.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+    - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
+      otherwise `EndPlay(...)` or `FixedAxially()`.
+
+    **Raises:** `ValueError` if the journal is not smaller than the bearing, an axis has zero
+    length, or another value is outside its range.
+
+    >>> pin = cj.ClearanceJoint(
+    ...     "ground",
+    ...     "arm",
+    ...     journal_point=(-0.5, 0, 0),
+    ...     bearing_radius=10e-3,
+    ...     clearance=0.5e-3,
+    ...     journal_length=20e-3,
+    ...     law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
+    ... )
+    >>> print(f"{pin.bearing_radius - pin.clearance:.4f} m")  # the journal's radius
+    0.0095 m
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    bearing_point: Triple = quantity("m", check=require_point)
+    bearing_axis: Triple = quantity("1", check=require_axis)
+    journal_point: Triple = quantity("m", check=require_point)
+    journal_axis: Triple = quantity("1", check=require_axis)
+    bearing_radius: Single = quantity(
+        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
+    )
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    journal_length: Single = quantity("m", positive=True)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | AbstractBristleFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
+
+    def __init__(
+        self,
+        bearing_body: str,
+        journal_body: str,
+        *,
+        bearing_point: TripleLike = (0.0, 0.0, 0.0),
+        bearing_axis: TripleLike = (0.0, 0.0, 1.0),
+        journal_point: TripleLike = (0.0, 0.0, 0.0),
+        journal_axis: TripleLike = (0.0, 0.0, 1.0),
+        bearing_radius: Scalar,
+        journal_radius: Annotated[Scalar | None, "m"] = None,
+        clearance: Scalar | None = None,
+        journal_length: Scalar,
+        law: AbstractContactLaw,
+        friction: AbstractFriction | AbstractBristleFriction | None = None,
+        axial: AbstractAxialPolicy | None = None,
+    ):
+        require(
+            (journal_radius is None) != (clearance is None),
+            "clearance",
+            clearance,
+            "given if and only if `journal_radius` is not",
+            "pass one of the two, in m",
+        )
+        outer = as_number(bearing_radius, "bearing_radius", "m")
+        if clearance is not None:
+            difference = as_number(clearance, "clearance", "m")
+        else:
+            difference = outer - as_number(journal_radius, "journal_radius", "m")
+            number = concrete(difference)
+            if number is not None and number.shape == ():
+                require(
+                    not number <= 0.0,
+                    "journal_radius",
+                    journal_radius,
+                    f"smaller than the bearing's {as_shown(float(outer))} m",
+                    "swap the radii, or use an ideal RevoluteJoint for no clearance",
+                )
+        self.bearing_body, self.journal_body = bearing_body, journal_body
+        self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
+        self.journal_point, self.journal_axis = journal_point, journal_axis
+        self.bearing_radius, self.clearance = outer, difference
+        self.journal_length = journal_length
+        self.law, self.friction = law, friction
+        self.axial = FreeAxially() if axial is None else axial
+
+    def __check_init__(self):
+        require(
+            isinstance(self.axial, AbstractAxialPolicy),
+            "axial",
+            self.axial,
+            "an AbstractAxialPolicy",
+            "subclass AbstractAxialPolicy or pass one of clearjoint's",
+        )
+
+    def _check_together(self) -> None:
+        require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
+
+    def _caution_together(self) -> None:
+        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
+        if radius is not None and clearance is not None:
+            caution_unless(
+                bool(clearance <= WIDEST_CLEARANCE * radius),
+                "clearance",
+                float(clearance),
+                "m",
+                f"at most a tenth of the bearing's radius of {float(radius):g} m",
+                "give the journal's radius as `journal_radius`, and the radial clearance in m",
+            )
+            remedy = "give lengths in m; 1 mm is 1e-3 m"
+            longest = LONGEST_JOURNAL * float(radius)
+            caution_above("journal_length", self.journal_length, "m", longest, remedy)
+            caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
+
+    @property
+    def journal_radius(self) -> Single:
+        """Bearing radius minus clearance, m."""
+        return self.bearing_radius - self.clearance
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the bearing's body and the journal's body."""
+        return self.bearing_body, self.journal_body
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of both bases; shoulders have their own law and no friction."""
+        return BASES
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the centres of the bearing and the journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the law of each base, and of each shoulder if there are any."""
+        laws, shoulder_law = super().laws(), self.axial.shoulder_law()
+        return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the journal's radius for both bases: at this depth its axis leaves the bearing."""
+        return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
+        radii = (self.bearing_radius, self.clearance) if name in BASES else ()
+        return self.laws()[name].limits(Gap(depth, 0.0, *radii))
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact geometry of both bases and of the shoulders, if there are any."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        bases = self.journal_bases(motions)
+        wall = BearingWall(
+            self.bearing_point, self.bearing_axis, self.bearing_radius, self.clearance
+        )
+        contacts = {
+            label: wall.contact(bearing, journal, bases.at(sign), self.friction is not None)
+            for sign, label in zip(SIDES, BASES, strict=True)
+        }
+        if self.axial.shoulder_law() is not None:
+            facing = bases.facing()
+            for side, label in zip(SIDES, SHOULDERS, strict=True):
+                contacts[label] = shoulder_contact(
+                    self.axial, self.journal_length, side, bases.at(side * facing)
+                )
+        return contacts
+
+    def journal_bases(self, motions: Motions) -> JournalBases:
+        """Return the geometry of the journal's two ends."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        points = self.bearing_point, self.journal_point
+        axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
+        centre = self._offset(bearing, journal)
+        return JournalBases(bearing, journal, *points, axis, half, centre)
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
+        centre, m.
+
+        Components refer to the bearing's frame: x and y across the axis, z along it. With a
+        `bearing_axis` of (0, 0, 1) these are the body's axes.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        offset = self._offset(bearing, journal)
+        if base is not None:
+            signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
+            offset = offset + journal.direction(self._half()) * signs[base]
+        offset = bearing.components(offset)
+        axis = unit(self.bearing_axis)
+        first, second = transverse_axes(axis)
+        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axes = self.bearing_axis, self.journal_axis
+        return relative_angle_row(self.pair(), bearing, journal, *axes)
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
+        if not self._is_free():
+            return None
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        height = self._offset(bearing, journal).dot(bearing.direction(unit(self.bearing_axis)))
+        return abs(height) - self.journal_length
+
+    def _is_free(self) -> bool:
+        return not self.axial.holds_centre and self.axial.shoulder_law() is None
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
+        return self._ideal(self.bearing_point)
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the centred joint with the journal moved to the wall in the direction of the load.
+
+        Return ``None`` if the load has no component across the axis.
+        """
+        offset = offset_at_wall(self.bearing_axis, self.clearance, load)
+        return None if offset is None else self._ideal(self.bearing_point + offset)
+
+    def _ideal(self, centre: Triple) -> AbstractConstraint:
+        """Return an ideal joint about a centre in the bearing's body, m."""
+        points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
+        kind = CylindricalJoint if self._is_free() else RevoluteJoint
+        return kind(*self.pair(), *points, *axes)
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
+        return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
+
+    def _offset(self, bearing: Motion, journal: Motion) -> Vector:
+        """Return the vector from the bearing's centre to the journal's, m, global axes (eq. 8)."""
+        points = self.bearing_point, self.journal_point
+        return offset_between(self.pair(), (bearing, journal), points)
+
+    def _half(self) -> Vector:
+        """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
+        return unit(self.journal_axis) * (0.5 * self.journal_length)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
+        del t
+        if not self.axial.holds_centre:
+            return {}
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axis = unit(self.bearing_axis)
+        row = point_in_plane(
+            self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
+        )
+        return {"axial": row}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a journal in a bearing."""
+        pen.bearing(
+            Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
+            Marker(self.journal_body, self.journal_point, self.journal_axis),
+            radius=self.bearing_radius,
+            clearance=self.clearance,
+            length=self.journal_length,
+        )

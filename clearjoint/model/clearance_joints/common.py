@@ -1,0 +1,161 @@
+"""Shared parts of the clearance joints: common base class, argument checks, positions at a wall."""
+
+import abc
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ...fields.checks import as_shown, checkable, require
+from ...fields.types import Single, Triple
+from ...math.vectors import Scalar, Vector
+from ..bodies import GROUND, Motion
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractFriction
+from ..contact.laws import AbstractContactLaw
+from ..joints.base import AbstractContactJoint, Contact
+from ..joints.pairs import require_distinct
+
+RIGHT_ANGLE = 1e-9
+"""Largest cosine of the angle between two directions that count as perpendicular."""
+
+LEAST_TRANSVERSE_LOAD = 1e-6
+"""Smallest ratio of transverse load to load that isn't attributed to rounding."""
+
+
+class AbstractSharedLawJoint(AbstractContactJoint):
+    """A clearance joint whose contacts share one normal `law` and one `friction`, or ``None``."""
+
+    law: eqx.AbstractVar[AbstractContactLaw]
+    friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
+
+    def __check_init__(self):
+        require_distinct(*self.pair())
+        require_law_and_friction(self.law, self.friction)
+
+    @abc.abstractmethod
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the names of the contacts."""
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the law for each contact."""
+        return dict.fromkeys(self.contact_labels(), self.law)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction force on the second body, N."""
+        del name
+        if self.friction is None or contact.slip is None:
+            return None
+        return self.friction.force(normal_force, contact.slip)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the bristle law of each contact, if the joint has one."""
+        if isinstance(self.friction, AbstractBristleFriction):
+            return dict.fromkeys(self.contact_labels(), self.friction)
+        return {}
+
+
+def require_law_and_friction(law: object, friction: object) -> None:
+    """Check the classes of a normal law and of a friction law, which may be ``None``."""
+    kinds = {
+        "law": (law, (AbstractContactLaw,)),
+        "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
+    }
+    for name, (value, allowed) in kinds.items():
+        names = " or ".join(kind.__name__ for kind in allowed)
+        require(
+            isinstance(value, allowed) or (name == "friction" and value is None),
+            name,
+            value,
+            f"an {names}",
+            _remedy(value, names),
+        )
+
+
+def _remedy(value: object, names: str) -> str:
+    if isinstance(value, type):
+        return f"call the class with its numbers, {value.__name__}(...)"
+    return f"subclass {names} or pass one of clearjoint's"
+
+
+def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
+    """Check that a clearance, m, is smaller than a radius, m; `radius_name` is for the message."""
+    if (known := checkable(clearance, radius)) is not None:
+        width, size = known
+        expected = f"smaller than {radius_name} {as_shown(size)} m"
+        require(width < size, "clearance", width, expected, "check the units (m)")
+
+
+def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
+    """Check that a direction (3,) is perpendicular to an axis (3,), both given with their names."""
+    if (known := checkable(direction, axis)) is not None:
+        numbers, base = known
+        lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
+        require(
+            abs((numbers * base).sum()) < RIGHT_ANGLE * lengths,
+            argument,
+            numbers,
+            f"perpendicular to `{other}` = {as_shown(base)}",
+            "change one of the two directions",
+        )
+
+
+def anchor_of(
+    bodies: tuple[str, str], points: tuple[Vector, Vector]
+) -> tuple[str, Vector, Vector] | None:
+    """Return the anchor of a joint between a point of each of two bodies, if one body is the
+    ground.
+
+    The anchor is the moving body's name, the point on it in its axes, and the ground's point, m.
+    """
+    (first, second), (point_first, point_second) = bodies, points
+    if first == GROUND:
+        return second, point_second, point_first
+    if second == GROUND:
+        return first, point_first, point_second
+    return None
+
+
+def offset_between(
+    bodies: tuple[str, str], motions: tuple[Motion, Motion], points: tuple[Vector, Vector]
+) -> Vector:
+    """Return the vector from a point of the first body to one of the second, m, global axes.
+
+    Points are in body axes. With the ground, the difference is taken relative to the anchor, which
+    avoids the cancellation of large coordinates.
+    """
+    (first, second), (point_first, point_second) = motions, points
+    if bodies[1] == GROUND:
+        return -first.point_from(point_second, point_first)
+    return second.point_from(first.point(point_first), point_second)
+
+
+def offset_at_wall(
+    axis: Triple, clearance: Single, load: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3"] | None:
+    """Return the offset, (3,) m, of a journal that a load presses to a bearing's wall.
+
+    Return ``None`` if the load has no component across the axis. All vectors are in the axes of the
+    bearing's body.
+    """
+    along = np.asarray(axis) / np.linalg.norm(axis)
+    across = load - (load @ along) * along
+    size = np.linalg.norm(across)
+    if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+        return None
+    return clearance / size * across
+
+
+def offset_at_flat_wall(
+    normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3"] | None:
+    """Return the offset, (3,) m, of a part that a load presses to one of two parallel walls.
+
+    The offset is measured from midway between the walls. Return ``None`` if the load has no
+    component along the walls' normal. All vectors are in the axes of the walls' body.
+    """
+    upward = np.asarray(normal) / np.linalg.norm(normal)
+    component = load @ upward
+    if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+        return None
+    return clearance * np.sign(component) * upward

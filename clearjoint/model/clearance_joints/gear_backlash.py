@@ -1,0 +1,330 @@
+"""Two spur gears with involute teeth and backlash."""
+
+import math
+from dataclasses import dataclass
+
+from ...fields.checks import (
+    as_shown,
+    caution_above,
+    checkable,
+    concrete,
+    require,
+    require_axis,
+    require_shape,
+)
+from ...fields.declarations import quantity
+from ...fields.types import ArrayLike, Single, Triple
+from ...math.functions import cosine, polar_angle, sine, where, wrapped
+from ...math.rotations import transverse_axes, unit
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import ZERO, Scalar, Vector, add, square_root
+from ..bodies import Motion
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.limits import Limit
+from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.constraint_rows import Pose, rows_from_residual
+from ..joints.pairs import AbstractPairAtPoints
+from ..pen import AbstractPen
+from .backlash import FLANKS
+
+LARGEST_MODULE = 0.1
+"""Module above which a warning is issued, m."""
+WIDEST_BACKLASH = 0.2
+"""Ratio of backlash to pitch above which a warning is issued."""
+PRESSURE_ANGLES = 0.1, 0.8
+"""Smallest and largest pressure angle, rad."""
+
+
+def involute(sine: Scalar, cosine: Scalar) -> Scalar:
+    """Return inv(alpha) = tan(alpha) - alpha from the sine and cosine of an acute angle."""
+    return sine / cosine - polar_angle(sine, cosine)
+
+
+@dataclass(frozen=True)
+class LineOfCentres:
+    """The line from the first gear's centre to the second's, in the plane across the first gear's
+    axis.
+
+    `along` and `across` form a right-handed frame with `axis`; all three are global unit vectors.
+    `distance` and the second gear's `height` along the axis are in m.
+    """
+
+    axis: Vector
+    along: Vector
+    across: Vector
+    distance: Scalar
+    height: Scalar
+
+    @staticmethod
+    def between(
+        first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
+    ) -> "LineOfCentres":
+        """Return the line for two gears, from their centres, m, and the first gear's axis in body
+        axes."""
+        axis = first.direction(unit(axis))
+        apart = second.point(centre_second) - first.point(centre_first)
+        height = apart.dot(axis)
+        distance, along = norm_and_direction(apart - axis * height)
+        return LineOfCentres(axis, along, axis.cross(along), distance, height)
+
+    def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
+        """Return the line's angle in a gear, rad within (-pi, pi].
+
+        The angle is about the gear's axis, given in body axes, from the first of the
+        `transverse_axes`.
+        """
+        start, quarter = transverse_axes(unit(axis))
+        line = gear.components(self.along)
+        return polar_angle(line.dot(quarter), line.dot(start))
+
+
+def _require_teeth(argument: str, value: ArrayLike) -> None:
+    require_shape(argument, value, (), "pass a number of teeth")
+    if (known := checkable(value)) is not None:
+        (number,) = known
+        require(
+            (number == number.round()) & (abs(number) >= 1.0),
+            argument,
+            number,
+            "a whole number",
+            "count the teeth; use a negative number for an internal second gear",
+        )
+
+
+class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
+    r"""Two spur gears in mesh, with backlash between their involute teeth.
+
+    $$\delta = \pm s - (r_1 + r_2) (\mathrm{inv}\, \alpha' - \mathrm{inv}\, \alpha) - \frac{j}{2}
+    \cos \alpha$$
+
+    Each flank touches along its line of action, a common tangent of the base circles of radii
+    r = m z cos(alpha)/2. Let theta be the gears' angles from the line of centres, whose length is
+    a. The displacement s along the line of action and the penetrations delta of the upper (+) and
+    lower (-) flank are
+
+        s = r1 theta1 + r2 theta2, modulo the base pitch pi m cos(alpha),
+        delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
+        cos(alpha') = |r1 + r2|/a, inv(x) = tan(x) - x.
+
+    The normal force acts along the line of action in the plane of the first gear. It drives the
+    gears in the ratio of their teeth, and loads their bearings with its radial component too. The
+    centres may move, in bearings with clearance or on a planet carrier: the backlash changes with
+    their distance according to involute geometry. Angles are taken modulo the pitch, so that the
+    number of revolutions is unlimited.
+
+    One law represents all tooth pairs in mesh. The model has no contact ratio and no friction, and
+    assumes that other joints keep the axes parallel.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the gears' bodies.
+    - `point_first`, `point_second`: the gears' centres, (3,) m in body axes.
+    - `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel to each other.
+    - `teeth_first`, `teeth_second`: numbers of teeth; `teeth_second` is negative for an internal
+      second gear, as in ISO 21771.
+    - `module`: m.
+    - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance
+      m |z1 + z2|/2.
+    - `law`: normal law of the mesh, with an explicit stiffness. ISO 6336 gives about 20 N/(mm um)
+      per unit of tooth width for steel.
+    - `pressure_angle`: alpha, rad; 20 degrees by default.
+    - `phase`: rad, rotation of the first gear from its reference position. At phase 0, with the
+      gears in the middle of the play, the line of centres has the direction of the first transverse
+      axis (x for an axis along z) in both bodies.
+
+    **Raises:** `ValueError` if a number of teeth is not a whole number, the backlash is not smaller
+    than the pitch, an internal gear is not larger than the first gear, or the law takes its
+    stiffness from a bearing.
+
+    Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
+    A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
+
+    >>> law = cj.laws.ExactRestitution(0.8, 1.8e11)
+    >>> mesh = cj.GearBacklash(
+    ...     "pinion",
+    ...     "wheel",
+    ...     (0, 0, 0),
+    ...     (0, 0, 0),
+    ...     (0, 0, 1),
+    ...     (0, 0, 1),
+    ...     teeth_first=20,
+    ...     teeth_second=50,
+    ...     module=3e-3,
+    ...     backlash=0.1e-3,
+    ...     law=law,
+    ... )
+    >>> mesh.pair(), list(mesh.laws())
+    (('pinion', 'wheel'), ['lower flank', 'upper flank'])
+    """
+
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+    teeth_first: Single = quantity("1", check=_require_teeth)
+    teeth_second: Single = quantity("1", check=_require_teeth)
+    module: Single = quantity(
+        "m", positive=True, usual=(0.0, LARGEST_MODULE), remedy="give it in m; 3 mm is 3e-3 m"
+    )
+    backlash: Single = quantity("m", positive=True, remedy="give the whole play in m")
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    pressure_angle: Single = quantity(
+        "rad",
+        default=math.radians(20.0),
+        within=PRESSURE_ANGLES,
+        remedy="give it in rad; 20 degrees are 0.349 rad",
+    )
+    phase: Single = quantity("rad", shape=(), default=0.0)
+
+    def __check_init__(self):
+        require_flat_law(self.law, "flanks")
+
+    def _check_together(self) -> None:
+        if (known := checkable(self.teeth_first, self.teeth_second)) is not None:
+            first, second = known
+            require(
+                (first > 0.0) & ((second > 0.0) | (-second > first)),
+                "teeth_second",
+                second,
+                f"positive, or more than the first gear's {as_shown(first)} for an internal gear",
+                "name the inner gear first, with a positive number, and the internal one second",
+            )
+        if (known := checkable(self.backlash, self.module)) is not None:
+            backlash, module = known
+            require(
+                backlash < math.pi * module,
+                "backlash",
+                backlash,
+                f"smaller than the pitch of {as_shown(math.pi * module)} m",
+                "check the units (m)",
+            )
+
+    def _caution_together(self) -> None:
+        module = concrete(self.module)
+        if module is not None:
+            widest = WIDEST_BACKLASH * math.pi * float(module)
+            remedy = "give the play along the pitch circle in m"
+            caution_above("backlash", self.backlash, "m", widest, remedy)
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second gear's body."""
+        return self.first, self.second
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the law of each flank."""
+        return dict.fromkeys(FLANKS, self.law)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of a flank's law at a penetration in m."""
+        return self.laws()[name].limits(Gap(depth, 0.0))
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return half a tooth's thickness on the line of action, m."""
+        play = self.backlash * cosine(self.pressure_angle)
+        deepest: Scalar = 0.25 * (self._base_pitch() - play)
+        return dict.fromkeys(FLANKS, deepest)
+
+    def _base_pitch(self) -> Scalar:
+        return math.pi * self.module * cosine(self.pressure_angle)
+
+    def _base_radii(self) -> tuple[Scalar, Scalar]:
+        """Return the base radii of both gears, m; negative for an internal gear."""
+        half = 0.5 * self.module * cosine(self.pressure_angle)
+        return half * self.teeth_first, half * self.teeth_second
+
+    def displacement(self, first: Motion, second: Motion) -> Scalar:
+        """Return the gears' displacement along the line of action from the middle of the play, m.
+
+        It is within half a base pitch, and positive towards the upper flank.
+        """
+        line = self._line(first, second)
+        axis = second.direction(unit(self.axis_second))
+        # The second axis may be antiparallel to the first: its angle then counts backwards.
+        sense = where(line.axis.dot(axis) < 0.0, -1.0, 1.0)
+        radius_first, radius_second = self._base_radii()
+        rolled = radius_first * (line.angle_in(first, self.axis_first) + self.phase)
+        rolled = rolled + radius_second * sense * line.angle_in(second, self.axis_second)
+        return wrapped(-rolled, self._base_pitch())
+
+    def _line(self, first: Motion, second: Motion) -> LineOfCentres:
+        points = self.point_first, self.point_second
+        return LineOfCentres.between(first, second, *points, self.axis_first)
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact geometry of both flanks at the pitch point."""
+        first, second = motions[self.first], motions[self.second]
+        line, displacement = self._line(first, second), self.displacement(first, second)
+        at_first, at_second = self._pitch_point(first, second, line)
+        sliding = second.velocity_at(at_second) - first.velocity_at(at_first)
+        radii = add(*self._base_radii())
+        # The sum of the base radii is negative for an internal gear, whose contact is reversed.
+        sense = where(radii < 0.0, -1.0, 1.0)
+        tangential = radii * sense / line.distance
+        radial = square_root(1.0 - tangential * tangential)
+        opening = self._opening(radii, tangential, radial)
+        contacts = {}
+        for label, side in FLANKS.items():
+            push = line.across * (side * tangential) + line.along * radial
+            normal = push * -sense
+            gap = Gap(side * displacement - opening, sliding.dot(normal))
+            contacts[label] = Contact(gap, normal, at_first, at_second, None)
+        return contacts
+
+    def _opening(self, radii: Scalar, tangential: Scalar, radial: Scalar) -> Scalar:
+        """Return half the play along the line of action, m, at the gears' actual distance.
+
+        `radii` is the sum of the base radii, m; `tangential` and `radial` are the cosine and sine
+        of the working pressure angle.
+        """
+        nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
+        change = involute(radial, tangential) - involute(*nominal)
+        return radii * change + 0.5 * self.backlash * nominal[1]
+
+    def _pitch_point(
+        self, first: Motion, second: Motion, line: LineOfCentres
+    ) -> tuple[Vector, Vector]:
+        """Return the pitch point, m in the axes of each body; it divides the line by the teeth."""
+        share = self.teeth_first / (self.teeth_first + self.teeth_second)
+        from_first = line.along * (line.distance * share)
+        from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
+        return (
+            self.point_first + first.components(from_first),
+            self.point_second + second.components(from_second),
+        )
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return ``None``: the mesh has no friction."""
+        del name, contact, normal_force
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the constraint that holds the gears in the middle of the play."""
+        return CentredMesh(self)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw two gears, with a tooth of the second in a gap of the first."""
+        first, second = self.ends(self.axis_first, self.axis_second)
+        half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
+        gap = math.pi / self.teeth_first - self.phase
+        teeth = self.teeth_first, self.teeth_second
+        pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
+        pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
+
+
+class CentredMesh(AbstractConstraint):
+    """Constraint that holds two gears in the middle of their backlash; one row."""
+
+    gears: GearBacklash
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the gears' bodies."""
+        return self.gears.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the displacement along the line of action, m, as a row."""
+        del t
+
+        def residual(first: Pose, second: Pose) -> tuple[Scalar]:
+            poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
+            return (self.gears.displacement(*poses),)
+
+        names = self.gears.pair()
+        return rows_from_residual(names, ("mesh",), residual, *(motions[name] for name in names))

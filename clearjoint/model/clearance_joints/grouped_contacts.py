@@ -1,0 +1,161 @@
+"""A group of clearance joints with the same structure, evaluated together.
+
+Each method of a joint or law is mapped over the group, so that user-defined classes work unchanged.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...math.groups import each
+from ...math.vectors import Scalar, Vector
+from ..bodies import Motion, Wrench
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
+from ..joints.base import AbstractContactJoint, Contact, Motions
+
+
+class GroupedContactJoint(AbstractContactJoint):
+    """Contact joints of one structure that differ only in their numbers and their bodies.
+
+    - `joint`: the first joint, whose numbers are arrays over the group.
+    - `members`: the joints as they were given.
+    - `first`, `second`: the bodies; each is the ground's name, or a `GroupName` with the bodies in
+      the order of the joints.
+    """
+
+    joint: AbstractContactJoint
+    members: tuple[AbstractContactJoint, ...]
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first bodies and of the second bodies."""
+        return self.first, self.second
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the normal law of each contact."""
+        return {
+            label: GroupedContactLaw(
+                joint=self.joint,
+                label=label,
+                uses_entry_speed=law.uses_entry_speed,
+                force_jumps=law.force_jumps,
+            )
+            for label, law in self.joint.laws().items()
+        }
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the largest meaningful penetration of each contact, m."""
+        return each(lambda joint: joint.deepest(), self.joint)
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the geometry of each contact."""
+        names = self.joint.pair()
+
+        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
+            return joint.contacts(dict(zip(names, pair, strict=True)))
+
+        return each(of, self.joint, motions[self.first], motions[self.second])
+
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """Return the wrench of the films on each body."""
+        names = self.joint.pair()
+
+        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
+            return joint.film_wrenches(dict(zip(names, pair, strict=True)))
+
+        wrenches = each(of, self.joint, motions[self.first], motions[self.second])
+        groups = dict(zip(names, self.pair(), strict=True))
+        return {groups[name]: wrench for name, wrench in wrenches.items()}
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction on the second bodies, N, or ``None``."""
+
+        def of(
+            joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
+        ) -> Vector | None:
+            return joint.friction_force(name, contact, normal_force)
+
+        return each(of, self.joint, contact, normal_force)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the bristle law of each contact that has one."""
+        return {
+            label: GroupedBristleLaw(joint=self.joint, label=label)
+            for label in self.joint.bristle_laws()
+        }
+
+
+class GroupedContactLaw(AbstractContactLaw):
+    """The normal laws of one contact in a group of joints."""
+
+    joint: AbstractContactJoint
+    label: str = eqx.field(static=True)
+    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
+    force_jumps: bool = eqx.field(static=True)
+
+    def _each(self, method: str, *arguments: Gap | Scalar | None) -> Scalar:
+        def of(joint: AbstractContactJoint, *arguments: Gap | Scalar | None) -> Scalar:
+            return getattr(joint.laws()[self.label], method)(*arguments)
+
+        return each(of, self.joint, *arguments)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the normal forces, N."""
+        return self._each("force", gap, entry_speed)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the elastic parts of the forces, N."""
+        return self._each("elastic_force", gap)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return the elastic energies, J."""
+        return self._each("stored_energy", gap)
+
+    def onset_offset(self) -> Scalar:
+        """Return the distances before the surface at which the forces begin, m."""
+        return self._each("onset_offset")
+
+    def slope_jumps(self) -> bool:
+        """Return whether the slope of the forces may jump."""
+        return self.joint.laws()[self.label].slope_jumps()
+
+
+class GroupedBristleLaw(AbstractBristleFriction):
+    """The bristle laws of one contact in a group of joints."""
+
+    joint: AbstractContactJoint
+    label: str = eqx.field(static=True)
+
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        """Return the rates of the deflections, m/s."""
+
+        def of(joint: AbstractContactJoint, deflection: Vector, slip: Vector) -> Vector:
+            return joint.bristle_laws()[self.label].rate(deflection, slip)
+
+        return each(of, self.joint, deflection, slip)
+
+    def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
+        """Return the ratios of friction to normal force."""
+
+        def of(joint: AbstractContactJoint, *vectors: Vector) -> Vector:
+            return joint.bristle_laws()[self.label].ratio(*vectors)
+
+        return each(of, self.joint, deflection, rate, slip)
+
+    def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
+        """Return the ratios of friction to normal force in steady dry sliding at a speed in m/s."""
+
+        def of(joint: AbstractContactJoint, slip_speed: Scalar) -> Scalar:
+            return joint.bristle_laws()[self.label].sliding_ratio(slip_speed)
+
+        return each(of, self.joint, slip_speed)
+
+    def full_deflection(self) -> Scalar:
+        """Return the error scales of the deflections, m."""
+
+        def of(joint: AbstractContactJoint) -> Scalar:
+            return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)
+
+        return each(of, self.joint)

@@ -1,0 +1,286 @@
+"""Revolute joint with clearance and a lubricant film."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from ...fields.checks import require
+from ...fields.declarations import quantity
+from ...fields.types import Single
+from ...math.rotations import unit
+from ...math.smoothing import norm_and_direction, ramp
+from ...math.vectors import Scalar, Vector
+from ..bodies import NO_WRENCH, Wrench
+from ..contact.bristles import AbstractBristleFriction
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
+from ..contact.limits import Limit, caution_beyond
+from ..film.laws import AbstractFilm, FilmGap
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Attachment,
+    Contact,
+    Motions,
+    Row,
+)
+from ..pen import AbstractPen
+from .clearance import ClearanceJoint
+from .journal_bases import BASES, SIDES, JournalBase
+
+NODES, WEIGHTS = (
+    0.5 * (rule + shift)
+    for rule, shift in zip(np.polynomial.legendre.leggauss(8), (1.0, 0.0), strict=True)
+)
+
+
+def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
+    """Return a smooth factor: 0 up to the surface, 1 from the depth `transition`, m, onwards."""
+    ratio = jnp.clip(depth / transition, 0.0, 1.0)
+    return ratio * ratio * (3.0 - 2.0 * ratio)
+
+
+class BlendedContactLaw(AbstractContactLaw):
+    """A contact law multiplied by a factor that grows from 0 at the surface to 1 at `transition`,
+    m."""
+
+    law: AbstractContactLaw
+    transition: Single
+    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
+    force_jumps = False
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the blended normal force, N."""
+        return self._factor(gap) * self.law.force(gap, entry_speed)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the blended elastic force, N."""
+        return self._factor(gap) * self.law.elastic_force(gap)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return the integral of the blended elastic force, J.
+
+        Integration by parts leaves the energy of the law times the factor's slope. Gauss quadrature
+        in the square root of the depth is accurate for energies that grow with half-integer powers.
+        """
+        end = jnp.clip(gap.depth, 0.0, self.transition)
+        removed: Scalar = 0.0
+        for node, weight in zip(NODES, WEIGHTS, strict=True):
+            depth = end * node * node
+            ratio = depth / self.transition
+            slope = 6.0 * ratio * (1.0 - ratio) / self.transition
+            node_gap = Gap(depth, gap.rate, gap.bearing_radius, gap.clearance)
+            energy = self.law.stored_energy(node_gap)
+            removed = removed + weight * 2.0 * node * end * slope * energy
+        return self._factor(gap) * self.law.stored_energy(gap) - removed
+
+    def slope_jumps(self) -> bool:
+        """Return ``False``: the factor starts with zero slope."""
+        return False
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return the validity limits of the law."""
+        return self.law.limits(gap)
+
+    def _factor(self, gap: Gap) -> Scalar:
+        return blending_factor(gap.depth, self.transition)
+
+
+THINNEST_FILM = 1e-3
+"""Smallest allowed ratio of film thickness to clearance."""
+
+
+class LubricatedJoint(AbstractContactJoint):
+    """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
+
+    The film extends over the journal's length. Half of its force acts at each base, computed from
+    that base's eccentricity. Force, reaction and drag act midway between the two axes, so that the
+    film conserves angular momentum and takes all its power from the motion; the energy ledger lists
+    it as "film".
+
+    Contact begins when the journal touches the wall, and replaces the film smoothly over the depth
+    `transition`. This is the blend of P. Flores et al. 2006 with a continuous slope. The film force
+    would be infinite at the wall, so the eccentricity ratio used for it is limited to
+    `largest_ratio`.
+
+    With a film the journal touches the wall slowly. A law that divides by the entry speed then
+    gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
+
+    **Arguments:**
+
+    - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
+    - `film`: the `AbstractFilm`.
+    - `transition`: m, depth at which contact has replaced the film; a few hundredths of the
+      clearance.
+    - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999. The limit is
+      approached smoothly over a tenth of the remaining gap.
+
+    **Raises:** `ValueError` if a value is outside its range. **Warns:** `LawRangeWarning` if the
+    bearing is outside the validity range of the film law.
+
+    ```python
+    import clearjoint as cj
+
+    dry = cj.ClearanceJoint(
+        "ground", "rotor", bearing_radius=25e-3, clearance=50e-6, journal_length=20e-3,
+        law=cj.laws.Hertz(1e10), axial=cj.FixedAxially(),
+    )
+    joint = cj.LubricatedJoint(dry, cj.films.CaponeFilm(viscosity=0.02), transition=1e-6)
+    scene = cj.Scene({"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}, {"bearing": joint})
+    ```
+    """
+
+    dry: ClearanceJoint
+    film: AbstractFilm
+    transition: Single = quantity("m", positive=True, remedy="give a depth in m, such as 1e-6")
+    largest_ratio: Single = quantity(
+        "1",
+        default=0.99,
+        within=(0.5, 1.0 - THINNEST_FILM),
+        remedy="give an eccentricity ratio such as 0.99",
+    )
+
+    def __check_init__(self):
+        for name, kind in (("dry", ClearanceJoint), ("film", AbstractFilm)):
+            value = getattr(self, name)
+            require(
+                isinstance(value, kind),
+                name,
+                type(value).__name__,
+                f"one of {kind.__name__}",
+                "pass the joint without its film, and then a film such as CaponeFilm(0.02)",
+            )
+
+    def _caution_together(self) -> None:
+        for limit in self.film.limits(self.dry.bearing_radius, self.dry.journal_length):
+            caution_beyond((limit,), limit.quantity)
+
+    @property
+    def clearance(self) -> Single:
+        """Radial clearance, m."""
+        return self.dry.clearance
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the bearing's body and the journal's body."""
+        return self.dry.pair()
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the centres of the bearing and the journal."""
+        return self.dry.attachments()
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the blended law of each base, and the law of each shoulder if there are any."""
+        return {
+            name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
+            if name in BASES
+            else law
+            for name, law in self.dry.laws().items()
+        }
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact geometry of the dry joint."""
+        return self.dry.contacts(motions)
+
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """Return the wrench of the film on the bearing's body and on the journal's body."""
+        bases = self.dry.journal_bases(motions)
+        on_bearing, on_journal = NO_WRENCH, NO_WRENCH
+        for sign in SIDES:
+            to_bearing, to_journal = self._half_of_film(motions, bases.at(sign))
+            on_bearing, on_journal = on_bearing + to_bearing, on_journal + to_journal
+        return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
+
+    def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
+        """Return the wrenches of half the film, at one base, on the bearing's and the journal's
+        body."""
+        bearing, journal = (motions[name] for name in self.pair())
+        eccentricity = base.centre + base.arm
+        # One point of action for both bodies, midway between the axes, conserves angular momentum.
+        to_midpoint = eccentricity * 0.5
+        in_journal = base.local - journal.components(to_midpoint)
+        on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
+        in_bearing = on_axis + bearing.components(to_midpoint)
+        velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
+        velocity = velocity - base.axis * velocity.dot(base.axis)
+        spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
+        gap = self._gap(base.axis, eccentricity, velocity, spin)
+        factor = 0.5 * self._film_factor(eccentricity)
+        force, torque = self.film.force(gap) * factor, base.axis * (self.film.drag(gap) * factor)
+        return (
+            bearing.wrench(-force, in_bearing) + bearing.torque(-torque),
+            journal.wrench(force, in_journal) + journal.torque(torque),
+        )
+
+    def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
+        """Return the film's gap for an eccentricity, m, and the midpoint's relative velocity, m/s.
+
+        The eccentricity ratio is limited to `largest_ratio`.
+        """
+        dry = self.dry
+        offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
+        ratio, _ = norm_and_direction(offset)
+        near = 0.1 * (1.0 - self.largest_ratio)
+        # A smooth ramp keeps the force differentiable; the maximum avoids a division by zero in the
+        # centre, where the excess is zero.
+        excess = ramp(ratio - self.largest_ratio, near)
+        offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
+        return FilmGap(
+            axis, offset, rate, spin, dry.bearing_radius, dry.clearance, dry.journal_length
+        )
+
+    def _film_factor(self, eccentricity: Vector) -> Scalar:
+        size, _ = norm_and_direction(eccentricity)
+        return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the dry friction force on the journal at a base, N."""
+        return self.dry.friction_force(name, contact, normal_force)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the bristle law of both bases, if the dry joint has one."""
+        return self.dry.bristle_laws()
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the journal's radius for both bases, m."""
+        return self.dry.deepest()
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
+        return self.dry.law_limits(name, depth)
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
+        centre, m.
+
+        Components refer to the bearing's frame.
+        """
+        return self.dry.journal_offset(motions, base)
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        return self.dry.relative_angle(motions)
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """Return how far an axially free journal is beyond a bearing of the same length, m."""
+        return self.dry.slid_out(motions)
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the ideal joint that holds the journal in the middle."""
+        return self.dry.centred_joint()
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the ideal joint that holds the journal at the wall in the direction of a load,
+        (3,) N."""
+        return self.dry.resting_joint(load)
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
+        return self.dry.anchor()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
+        return self.dry.rows(motions, t)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw the joint without the film."""
+        self.dry.draw(pen)

@@ -1,0 +1,104 @@
+"""Clearance modelled as a massless link: the journal stays in contact with the wall."""
+
+import equinox as eqx
+
+from ...fields.checks import require, require_axis, require_point
+from ...fields.declarations import quantity
+from ...fields.types import Single, Triple
+from ...math.rotations import transverse_axes, unit
+from ...math.vectors import Scalar, Vector
+from ..joints.base import AbstractConstraint, Attachment, Motions, Row
+from ..joints.constraint_rows import point_in_plane
+from ..joints.pairs import require_distinct
+from ..joints.row_combinations import distance_row
+from ..pen import AbstractPen, Marker
+from .axial import AbstractAxialPolicy, FreeAxially
+from .journal_bases import BASES
+
+
+class MasslessLink(AbstractConstraint):
+    """A `ClearanceJoint` in permanent contact: both bases keep the clearance as their eccentricity.
+
+    The eccentricity vector acts as a massless rod between the axes; two rows (S. W. E. Earles, C.
+    L. S. Wu 1973; R. S. Haines 1985). The model has no impacts and no separation: a tensile
+    reaction indicates that the journal would leave the wall, where the model is invalid.
+
+    **Arguments:** as for `ClearanceJoint`; `axial` is `FreeAxially()`, the default, or
+    `FixedAxially()`. The journal must start at the wall: call `assemble` with a state that is
+    closer to the intended side.
+
+    **Raises:** `ValueError` if a value is outside its range, or if `axial` has shoulders.
+
+    >>> link = cj.MasslessLink("ground", "arm", clearance=0.5e-3, journal_length=20e-3)
+    >>> link.body_names(), float(link.clearance)
+    (('ground', 'arm'), 0.0005)
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    journal_length: Single = quantity("m", positive=True, remedy="give the distance of the bases")
+    bearing_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    bearing_axis: Triple = quantity("1", check=require_axis, default=(0.0, 0.0, 1.0))
+    journal_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    journal_axis: Triple = quantity("1", check=require_axis, default=(0.0, 0.0, 1.0))
+    axial: AbstractAxialPolicy = eqx.field(default_factory=FreeAxially)
+
+    def __check_init__(self):
+        require_distinct(self.bearing_body, self.journal_body)
+        require(
+            self.axial.shoulder_law() is None,
+            "axial",
+            type(self.axial).__name__,
+            "FreeAxially() or FixedAxially()",
+            "use a ClearanceJoint for shoulders, which are contacts",
+        )
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the bearing's body and the journal's body."""
+        return self.bearing_body, self.journal_body
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the centres of the bearing and the journal."""
+        return (
+            ("bearing_point", self.bearing_body, self.bearing_point),
+            ("journal_point", self.journal_body, self.journal_point),
+        )
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return (e^2 - c^2)/(2 c), m, for the eccentricity e of each base and the clearance c.
+
+        An axial policy that holds the centre adds its constraint.
+        """
+        del t
+        half = unit(self.journal_axis) * (0.5 * self.journal_length)
+        ends = self.journal_point - half, self.journal_point + half
+        rows = {base: self._distance(motions, end) for base, end in zip(BASES, ends, strict=True)}
+        if self.axial.holds_centre:
+            rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
+        return rows
+
+    def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
+        """Return the coordinate of a journal point along a direction from the bearing's centre, as
+        a row."""
+        names = self.bearing_body, self.journal_body
+        pair = motions[self.bearing_body], motions[self.journal_body]
+        return point_in_plane(names, *pair, self.bearing_point, direction, local)
+
+    def _distance(self, motions: Motions, local: Vector) -> Row:
+        """Return the row (x^2 + y^2 - c^2)/(2 c) for the eccentricity x, y of a base."""
+        across = [
+            self._height(motions, direction, local)
+            for direction in transverse_axes(unit(self.bearing_axis))
+        ]
+        return distance_row(across, self.clearance, motions)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a journal in a bearing."""
+        pen.bearing(
+            Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
+            Marker(self.journal_body, self.journal_point, self.journal_axis),
+            radius=None,
+            clearance=self.clearance,
+            length=self.journal_length,
+        )

@@ -1,0 +1,185 @@
+"""Paths of numbers: find, list and replace the numbers of a scene or a state.
+
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
+component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from types import EllipsisType
+from typing import NoReturn
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..fields.checks import as_number, concrete, require
+from ..fields.suggestions import nearest
+
+NumberPath = Callable[[PyTree], PyTree]
+"""From a scene or a state to one of its numbers, or to several tied numbers."""
+Index = int | slice | EllipsisType
+Leaf = jax.Array | np.ndarray | float
+"""A number or an array of a scene or a state."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """Location of a number in a scene or a state.
+
+    - `leaf`: index of the leaf of the PyTree.
+    - `component`: indices into that leaf, for a component of an array.
+    """
+
+    leaf: int
+    component: tuple[Index, ...] = ()
+
+    # Without this, Python would iterate by `__getitem__`, which accepts every index: [*number]
+    # would never end.
+    __iter__ = None
+
+    def __getitem__(self, key: Index) -> "Number":
+        return Number(self.leaf, (*self.component, key))
+
+
+def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
+    """Return the locations of the numbers at a path.
+
+    **Raises:** `ValueError` if the path returns anything else.
+    """
+    try:
+        # The path runs on a tree whose leaves are their own locations, so that it returns
+        # locations instead of values.
+        result = path(_marked(jax.tree.structure(tree)))
+        numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
+    except (AttributeError, KeyError) as error:
+        _refuse_missing(tree, error)
+    except TypeError as error:
+        numbers = [error]
+    require(
+        bool(numbers) and all(isinstance(number, Number) for number in numbers),
+        "path",
+        [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers],
+        "a function that returns numbers stored in the tree, not values computed from them",
+        "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance",
+    )
+    return numbers
+
+
+@lru_cache(maxsize=256)
+def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
+    return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
+
+
+def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
+    missing = error.name if isinstance(error, AttributeError) else error.args[0]
+    paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
+    known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
+    otherwise = (
+        "see cj.parameters(scene), or cj.parameters(state) for Axis.initial and Parameter.initial, "
+        "for all numbers"
+    )
+    raise ValueError(
+        "Argument `path` must be a function that leads to numbers stored in the tree, but names "
+        f"{missing!r}, which does not exist: {nearest(missing, map(str, known), otherwise)}."
+    ) from error
+
+
+def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
+    """Return the tree with another value at a path, without the checks of its constructors.
+
+    **Raises:** `ValueError` if the value has another shape than the number that it replaces.
+
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
+    >>> float(wider.joints["shoulder"].clearance)
+    0.001
+    """
+    return set_values(tree, numbers_at(tree, path), value)
+
+
+def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
+    """Return the tree with the value at each of the numbers, as `set_value` does."""
+    leaves, structure = jax.tree.flatten(tree)
+    value = as_number(value)
+    require_fits(leaves, numbers, value)
+    for number in numbers:
+        leaves[number.leaf] = _replaced(leaves[number.leaf], number.component, value)
+    return jax.tree.unflatten(structure, leaves)
+
+
+def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
+    """Check that the numbers exist in the leaves of a tree and have the shape of the value."""
+    for number in numbers:
+        shape = _shape(leaves[number.leaf], number.component)
+        require(
+            np.shape(value) == shape,
+            "value",
+            value,
+            f"of shape {shape}, as the number it replaces",
+            "pass one value of that shape",
+        )
+
+
+def value_at(tree: PyTree, path: NumberPath) -> Leaf:
+    """Return the value at a path; for tied numbers, the value of the first."""
+    number = numbers_at(tree, path)[0]
+    leaf = jax.tree.leaves(tree)[number.leaf]
+    return leaf[number.component] if number.component else leaf
+
+
+def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
+    try:
+        return jnp.shape(leaf[component] if component else leaf)
+    except IndexError as error:
+        raise ValueError(
+            f"Argument `path` must lead to an existing component, but leads to {list(component)} "
+            f"of an array of shape {jnp.shape(leaf)}: count from 0."
+        ) from error
+
+
+def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
+    if not component:
+        return value
+    if concrete(leaf) is None or concrete(value) is None:
+        return jnp.asarray(leaf).at[component].set(value)
+    array = np.array(leaf)
+    array[component] = value
+    return array
+
+
+def unit_at(tree: PyTree, path: NumberPath) -> str:
+    """Return the unit of the numbers at a path; "1" if they have none."""
+    index = numbers_at(tree, path)[0].leaf
+    return list(_named_leaves(tree, ""))[index][2]
+
+
+def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
+    """Return the value and unit of all numbers of a scene or state, by name.
+
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> [name for name in cj.parameters(scene) if "clearance" in name]
+    ["joints['shoulder'].clearance"]
+    """
+    return {name: (value, unit) for name, value, unit in _named_leaves(tree, "")}
+
+
+def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
+    """Yield name, value and unit of each leaf, in the order of the PyTree."""
+    if isinstance(tree, eqx.Module):
+        for field in fields(tree):
+            if not field.metadata.get("static", False):
+                inner = getattr(tree, field.name)
+                unit = field.metadata.get("unit", "1")
+                yield from _named_leaves(inner, f"{name}.{field.name}".lstrip("."), unit)
+    elif isinstance(tree, dict):
+        for key in sorted(tree):
+            yield from _named_leaves(tree[key], f"{name}[{key!r}]", unit)
+    elif isinstance(tree, list | tuple):
+        for index, inner in enumerate(tree):
+            yield from _named_leaves(inner, f"{name}[{index}]", unit)
+    elif tree is not None:
+        yield name, tree, unit

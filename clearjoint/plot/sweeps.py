@@ -1,0 +1,301 @@
+"""Outputs of a sweep over one or two of its parameters."""
+
+from typing import TypedDict
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import Patch
+
+from ..fields.checks import require
+from .labels import legend_label, scale_axes, scaled, suits_logarithm, tick_logarithm
+from .style import VERMILLION, axes_or_new, dress, inside, legend_above, next_colour
+
+
+def is_successful(dataset: xr.Dataset) -> xr.DataArray:
+    """Whether each lane ran to its end, by its result code."""
+    attributes = dataset["result"].attrs
+    codes = dict(zip(attributes["flag_meanings"].split(), attributes["flag_values"], strict=True))
+    return dataset["result"] == codes["successful"]
+
+
+def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
+    """Return the number of each lane along the given axes; NaN where a lane failed or is pending.
+
+    **Raises:** `ValueError` for an unknown variable or axis, and for a variable with other
+    dimensions than these axes.
+    """
+    require_names(dataset, (variable, *along))
+    dims = tuple(dataset[axis].dims[0] for axis in along)
+    require(
+        sorted(map(str, dataset[variable].dims)) == sorted(map(str, dims)),
+        "variable",
+        f"{variable} along {dataset[variable].dims}",
+        f"a number for each value of {along}",
+        "select along the other dimensions first: dataset.sel(...)",
+    )
+    return dataset[variable].where(is_successful(dataset)).transpose(*dims)
+
+
+def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
+    """Return the name of the axis, by default that of the sweep's only one."""
+    if axis is not None:
+        return axis
+    dims = dataset["result"].dims
+    require(
+        len(dims) == 1 and dims[0] in dataset.coords,
+        "axis",
+        axis,
+        f"one of {tuple(map(str, dataset['result'].coords))}",
+        "name it",
+    )
+    return str(dims[0])
+
+
+def mark_failed(
+    axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
+) -> None:
+    """Draw crosses at the lower edge of the axes for lanes that failed or are pending."""
+    missing = positions[~successful]
+    if missing.size:
+        axes.plot(
+            missing,
+            np.full(missing.shape, 0.02),
+            "x",
+            color=colour,
+            transform=axes.get_xaxis_transform(),
+            clip_on=False,
+            label=f"failed or pending: {missing.size}",
+        )
+
+
+def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
+    """Check that a data set has variables of these names."""
+    unknown = [name for name in names if name not in dataset.variables]
+    require(
+        not unknown,
+        "dataset",
+        unknown,
+        f"names out of {sorted(map(str, dataset.variables))}",
+        "pass names of this sweep",
+    )
+
+
+LONG = 40
+"""Characters of a label from which on a legend has one column instead of two."""
+
+
+def against(
+    dataset: xr.Dataset,
+    variable: str,
+    axis: str | None = None,
+    *,
+    median: int | None = None,
+    label: str | None = None,
+    colour: str | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw an output of a sweep over a swept parameter, as a point for each lane.
+
+    Lanes that failed or are pending are crosses at the lower edge of the axes. In axes of another
+    call, points have another colour and the units of these axes.
+
+    **Arguments:**
+
+    - `dataset`: from `sweep` or `open_sweep`, with a value of each other axis selected.
+    - `variable`: name of the output. `axis`: name of the parameter; by default the only axis.
+    - `median`: number of neighbouring lanes for a line through their median, which shows the trend
+      in the scatter of chaotic motion.
+    - `label`: text of the legend; by default the name of the output and the selected values of
+      other axes, as by ``dataset.sel(restitution=0.9)``.
+    - `colour`: of the points; by default one that the axes do not have yet.
+
+    **Returns:** the axes, logarithmic for values of more than a decade.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> drawn = plot.against(found, "speed")
+    """
+    axis = only_axis(dataset, axis)
+    axes = axes_or_new(axes)
+    colour = next_colour(axes) if colour is None else colour
+    label = legend_label(dataset, variable, axis) if label is None else label
+    x = scaled(dataset[axis], axes.get_xlabel())
+    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    axes.plot(
+        x.values,
+        y.values,
+        "o",
+        color=colour,
+        markersize=4,
+        markeredgewidth=0,
+        alpha=1.0 if median is None else 0.45,
+        label=label,
+    )
+    if median is not None:
+        line = running_median(x.values, y.values, median)
+        axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")
+    scale_axes(axes, x.values, y.values)
+    mark_failed(axes, x.values, is_successful(dataset).values, colour)
+    labels = axes.get_legend_handles_labels()[1]
+    if len(labels) > 1:
+        columns = 1 if max(map(len, map(str, labels))) > LONG else 2
+        legend_above(axes, columns)
+    return dress(axes, x.label, y.label)
+
+
+def running_median(
+    positions: np.ndarray, values: np.ndarray, width: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return medians of `width` neighbouring positions, and of the values there.
+
+    NaN is omitted, and so are the ends, which have too few neighbours.
+
+    **Raises:** `ValueError` if there are fewer values than `width`.
+
+    >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
+    >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
+    >>> medians
+    array([2., 3., 3.])
+    """
+    known = np.isfinite(values)
+    count = int(known.sum())
+    require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
+    order = np.argsort(positions[known], kind="stable")
+    x, y = (
+        np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
+        for column in (positions, values)
+    )
+    return x, y
+
+
+class Fill(TypedDict):
+    """Look of an area: colours of face and hatching, and the pattern of the hatching."""
+
+    facecolor: str
+    edgecolor: str
+    hatch: str
+
+
+MISSING = Fill(facecolor="0.85", edgecolor="0.55", hatch="////")
+
+
+def parameter_map(
+    dataset: xr.Dataset, variable: str, x: str, y: str, *, axes: Axes | None = None
+) -> Axes:
+    """Draw an output of a sweep over two parameters, as colours with a colour bar.
+
+    Lanes that failed or are pending are grey and hatched.
+
+    **Arguments:** `dataset`: from `sweep` or `open_sweep`, with a value of each other axis
+    selected; `variable`: name of the output; `x`, `y`: horizontal and vertical parameter.
+
+    **Returns:** the axes. Axes and colours are logarithmic for values of more than a decade.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> mass = cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 1.0])
+    >>> axes = {"stiffness": stiffness, "mass": mass}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
+    """
+    axes = axes_or_new(axes)
+    x_data, y_data = scaled(dataset[x]), scaled(dataset[y])
+    values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
+    norm = LogNorm() if suits_logarithm(values) else Normalize()
+    mesh = axes.pcolormesh(x_data.values, y_data.values, values, norm=norm, shading="nearest")
+    scale_axes(axes, x_data.values, y_data.values, swept="xy")
+    bar = axes.figure.colorbar(mesh, ax=axes, label=label)
+    if suits_logarithm(values):
+        tick_logarithm(bar.ax.yaxis, values)
+    axes.patch.set(**MISSING)
+    missing = int((values != values).sum())
+    if missing:
+        patch = Patch(**MISSING, label=f"failed or pending: {missing}")
+        legend_above(axes, handles=[patch])
+    dress(axes, x_data.label, y_data.label)
+    axes.grid(False)
+    return axes
+
+
+Bounds = tuple[float, float]
+"""Smallest and largest value of a parameter, in the unit of the data set."""
+
+
+def convergence(
+    dataset: xr.Dataset,
+    variable: str,
+    axis: str | None = None,
+    *,
+    within: Bounds | None = None,
+    label: str | None = None,
+    colour: str | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw a deviation over a parameter that tends to zero, and its rate of convergence.
+
+    **Arguments:**
+
+    - `dataset`, `variable`, `axis`: see `against`; failed lanes are crosses too.
+    - `within`: range of the parameter for the fit and the line of the rate; by default all values.
+    - `label`: text of the legend before the rate.
+    - `colour`: of the points; by default one that the axes do not have yet.
+    - `axes`: those of another call, to compare.
+
+    **Returns:** the axes, both logarithmic.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> drawn = plot.convergence(found, "speed")
+    """
+    axis = only_axis(dataset, axis)
+    axes = axes_or_new(axes)
+    colour = next_colour(axes) if colour is None else colour
+    x = scaled(dataset[axis], axes.get_xlabel())
+    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    used = inside(dataset[axis].values, within)
+    rate, factor = _power_law(x.values[used], y.values[used])
+    text = f"rate {round(rate, 2) + 0.0:.2f}"
+    text = text if label is None else f"{label}: {text}"
+    axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
+    ends = np.array([x.values[used].min(), x.values[used].max()])
+    axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
+    axes.set(xscale="log", yscale="log")
+    mark_failed(axes, x.values, is_successful(dataset).values, colour)
+    axes.legend(frameon=False)
+    return dress(axes, x.label, y.label)
+
+
+def power_law_exponent(
+    dataset: xr.Dataset, variable: str, axis: str | None = None, *, within: Bounds | None = None
+) -> float:
+    """Return the exponent p of a power law C a^p, by least squares of logarithms.
+
+    The arguments are those of `convergence`.
+
+    **Raises:** `ValueError` for fewer than two positive values.
+
+    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> axes = {"stiffness": stiffness}
+    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
+    0.500
+    """
+    axis = only_axis(dataset, axis)
+    used = inside(dataset[axis].values, within)
+    values = of_lanes(dataset, variable, (axis,)).values
+    return _power_law(dataset[axis].values[used], values[used])[0]
+
+
+def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Exponent and factor of the power law through the positive values."""
+    positive = (x > 0.0) & (y > 0.0)
+    require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
+    exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)
+    return float(exponent), float(np.exp(logarithm))

@@ -1,0 +1,285 @@
+"""Quantities along a solution, their phase portraits and their amplitude spectra."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from scipy import signal
+
+from ..fields.checks import require
+from ..model.scene import Scene
+from ..quantities.base import AbstractQuantity, Quantity
+from ..simulation.results.quantity_values import rates_along, values_along
+from ..simulation.results.solution import Solution, Trajectory
+from .labels import fitting_unit, scaled
+from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, inside, legend_above
+
+
+def series(
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    *,
+    unit: str | None = None,
+    trajectory: Trajectory | None = None,
+) -> xr.DataArray:
+    """Return a quantity along a solution.
+
+    **Arguments:**
+
+    - `scene`: the simulated scene. `solution`: with saved states.
+    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
+    - `unit`: SI unit, for a quantity without one.
+    - `trajectory`: by default the saved states; `solution.steps` for every accepted step.
+
+    **Returns:** (N,) over "time", s, with the name and unit of the quantity.
+
+    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
+
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> found = plot.series(scene, solution, cj.quantities.Position("ball", "x"))
+    >>> found.attrs["units"], np.allclose(found, 0.1 * np.cos(10.0 * found["time"]), atol=1e-6)
+    ('m', True)
+    """
+    trajectory = trajectory_of(solution, trajectory)
+    values = values_along(scene, solution, quantity, trajectory)
+    return _labelled(
+        np.asarray(trajectory.times), values, name_of(quantity), unit_of(quantity, unit)
+    )
+
+
+def rate_series(
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    *,
+    unit: str | None = None,
+    trajectory: Trajectory | None = None,
+) -> xr.DataArray:
+    """Return the rate of a quantity along a solution, from the equations of motion. The quantity
+    must be a function of positions, velocities and time.
+
+    **Arguments**, **Returns**, **Raises:** see `series`.
+
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> found = plot.rate_series(scene, solution, cj.quantities.Position("ball", "x"))
+    >>> found.attrs["units"], np.allclose(found, -np.sin(10.0 * found["time"]), atol=1e-5)
+    ('m/s', True)
+    """
+    trajectory = trajectory_of(solution, trajectory)
+    rates = rates_along(scene, solution, quantity, trajectory)
+    unit = unit_of(quantity, unit)
+    times = np.asarray(trajectory.times)
+    return _labelled(times, rates, f"rate of {name_of(quantity)}", _over_seconds(unit))
+
+
+def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
+    """Return the given trajectory, by default the saved states of the solution."""
+    trajectory = solution.saved if trajectory is None else trajectory
+    remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"
+    require(trajectory is not None, "solution", "without saved states", "one with states", remedy)
+    assert trajectory is not None
+    return trajectory
+
+
+def name_of(quantity: Callable[..., object]) -> str:
+    """Return the name of a quantity in labels: its kind, and the names that it refers to."""
+    kind = getattr(quantity, "__name__", type(quantity).__name__)
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
+    if not isinstance(quantity, AbstractQuantity):
+        return words.replace("<lambda>", "quantity")
+    texts = [value for value in vars(quantity).values() if isinstance(value, str)]
+    return " ".join([words, *([f"of {' '.join(texts)}"] if texts else [])])
+
+
+def unit_of(quantity: Quantity, unit: str | None) -> str:
+    """Return the given SI unit, by default that of the quantity."""
+    unit = getattr(quantity, "unit", None) if unit is None else unit
+    require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
+    assert unit is not None
+    return unit
+
+
+def _over_seconds(unit: str) -> str:
+    if unit == "1":
+        return "1/s"
+    base, slash, power = unit.partition("/s")
+    if not slash:
+        return f"{unit}/s"
+    return f"{base}/s^{int(power.removeprefix('^') or 1) + 1}"
+
+
+def _labelled(times: np.ndarray, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
+    coordinate = xr.DataArray(times, dims="time", attrs={"units": "s"})
+    return xr.DataArray(values, {"time": coordinate}, ("time",), name=name, attrs={"units": unit})
+
+
+def phase_portrait(
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    *,
+    unit: str | None = None,
+    trajectory: Trajectory | None = None,
+    window: TimeSpan | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw the rate of a quantity over the quantity: a closed curve for a periodic motion.
+
+    **Arguments:**
+
+    - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
+    - `quantity`: a function of positions, such as an angle, a position or a penetration; its rate
+      comes from the equations of motion.
+    - `window`: start and end of the drawn time, s; by default all times.
+
+    **Returns:** the axes. A dot marks the start, a square the end. Angles continue beyond a full
+    turn.
+
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "x"))
+    """
+    values = series(scene, solution, quantity, unit=unit, trajectory=trajectory)
+    rates = rate_series(scene, solution, quantity, unit=unit, trajectory=trajectory)
+    period = getattr(quantity, "period", None)
+    if period is not None:
+        values = values.copy(data=np.unwrap(values.values, period=period))
+    axes = axes_or_new(axes, (5.6, 4.4))
+    in_window = inside(values["time"].values, window)
+    x, y = scaled(values[in_window]), scaled(rates[in_window])
+    axes.plot(x.values, y.values, color=BLUE, linewidth=0.9)
+    for row, marker, label in ((0, "o", "start"), (-1, "s", "end")):
+        if len(x.values):
+            look = {"color": DARK, "markersize": 5, "linestyle": "", "zorder": 3}
+            axes.plot(x.values[[row]], y.values[[row]], marker, label=label, **look)
+    legend_above(axes, 2)
+    return dress(axes, x.label, y.label)
+
+
+DECADES = 8.0
+"""Shown decades below the largest amplitude."""
+FEWEST = 4
+"""Smallest number of samples for a spectrum."""
+UNEVEN = 1e-6
+"""Largest difference of sampling intervals relative to their mean."""
+NO_UNIT = "1"
+
+
+def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
+    """Return the one-sided amplitude spectrum of a record.
+
+    A harmonic of amplitude A at one of the frequencies has the value A there. The mean is
+    subtracted first.
+
+    **Arguments:**
+
+    - `record`: (N,) over a coordinate "time", s, at equal intervals, such as from `plot.series`.
+    - `taper`: a window of `scipy.signal.get_window`: "hann", "flattop" (true amplitudes between
+      frequencies too), "boxcar" (for a whole number of periods).
+
+    **Returns:** (N // 2,) over "frequency", Hz, in the record's unit. The lowest frequency is the
+    inverse of the record's length.
+
+    **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
+
+    >>> import xarray as xr
+    >>> times = np.arange(1000) / 1000.0
+    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
+    >>> found = plot.amplitude_spectrum(record)
+    >>> float(found.idxmax()), round(float(found.max()), 6)
+    (50.0, 0.1)
+    """
+    times = record["time"].values
+    frequency, amplitude = _spectrum(np.asarray(record.values, float), times, taper)
+    coordinate = xr.DataArray(frequency, dims="frequency", attrs={"units": "Hz"})
+    where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", NO_UNIT)}
+    return xr.DataArray(amplitude, where, ("frequency",), name=record.name, attrs=attrs)
+
+
+def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, Hz, without zero, and amplitudes."""
+    remedy = "save more states"
+    require(len(times) >= FEWEST, "record", len(times), f"at least {FEWEST} samples", remedy)
+    intervals = np.diff(times)
+    shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
+    remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
+    require(is_even(intervals), "record", shown, "sampled at equal intervals of time", remedy)
+    interval = float(intervals.mean())
+    frequency, power = signal.periodogram(
+        values, 1.0 / interval, taper, detrend="constant", scaling="spectrum"
+    )
+    sides = np.full(len(power), 2.0)  # amplitude² / power; the Nyquist frequency has one side
+    if len(values) % 2 == 0:
+        sides[-1] = 1.0
+    return frequency[1:], np.sqrt(sides * power)[1:]
+
+
+def is_even(intervals: np.ndarray) -> bool:
+    """Whether intervals between samples, (N - 1,) s, are equal, and enough for a spectrum."""
+    if len(intervals) + 1 < FEWEST:
+        return False
+    mean = float(intervals.mean())
+    return mean > 0.0 and bool(np.ptp(intervals) <= UNEVEN * mean)
+
+
+def spectrum(
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    *,
+    unit: str | None = None,
+    taper: str = "hann",
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw the amplitude spectrum of a quantity along a solution.
+
+    **Arguments:**
+
+    - `scene`, `solution`, `quantity`, `unit`: see `plot.series`. States must be saved at equal
+      intervals, short enough for the impacts: frequencies above half the sampling rate are aliased.
+    - `taper`: see `plot.amplitude_spectrum`.
+
+    **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit, logarithmic.
+
+    **Raises:** `ValueError` for times at unequal intervals.
+
+    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
+    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
+    >>> axes = plot.spectrum(scene, solution, cj.quantities.Velocity("ball", "x"))
+    """
+    record = series(scene, solution, quantity, unit=unit)
+    return spectrum_of(record, taper=taper, axes=axes)
+
+
+def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
+    """Draw the amplitude spectrum of a record, such as a measured one or one of a sweep's lane.
+
+    **Arguments**, **Raises:** see `plot.amplitude_spectrum`. **Returns:** see `plot.spectrum`.
+
+    >>> import xarray as xr
+    >>> times = np.arange(1000) / 1000.0
+    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
+    >>> plot.spectrum_of(record, taper="boxcar").get_title(loc="right")
+    'window: boxcar; lines 1 Hz apart'
+    """
+    amplitudes = amplitude_spectrum(record, taper)
+    axes = axes_or_new(axes)
+    y = scaled(amplitudes)
+    frequencies = amplitudes["frequency"].values
+    factor, unit = fitting_unit(frequencies, "Hz")
+    axes.plot(frequencies * factor, y.values, color=BLUE, linewidth=0.9)
+    times = record["time"].values
+    half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])
+    axes.set_xlim(0.0, float(f"{half_rate * factor:.9g}"))
+    largest = y.values.max(initial=0.0)
+    if largest > 0.0:
+        axes.set_yscale("log")
+        axes.set_ylim(max(0.5 * y.values.min(), largest * 10.0**-DECADES), 2.0 * largest)
+    title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
+    axes.set_title(title, fontsize="small", loc="right")
+    return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")

@@ -1,0 +1,82 @@
+"""Result codes of runs."""
+
+import equinox as eqx
+import numpy as np
+
+
+class RESULTS(eqx.Enumeration):
+    """Result codes; `RESULTS[code]` is the message.
+
+    >>> cj.RESULTS[cj.RESULTS.successful]
+    'The run reached its end time.'
+    """
+
+    successful = "The run reached its end time."
+    max_steps_reached = (
+        "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances, "
+        "or continue from the state reached."
+    )
+    step_too_small = (
+        "The step size fell to the resolution of the time. The motion may be singular there, or "
+        "the tolerances tighter than double precision allows. If the time is large, short steps "
+        "are lost in rounding: continue from the state reached with a `start_time` of zero. In "
+        "runs with derivatives the cause may be a force with a kink within a contact, for example "
+        "where the damping of `KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a "
+        "law without a kink."
+    )
+    non_finite = (
+        "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."
+    )
+    solver_failed = (
+        "The solver or controller gave up on a step, for example because an implicit solve did "
+        "not converge."
+    )
+    bad_parameters = (
+        "A parameter has a value that a scene or a run cannot have; the sweep's warning says which."
+    )
+    not_assembled = (
+        "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
+    )
+    step_too_long = (
+        "A fixed step went deeper into a rigid bearing than its clearance, so that the side of the "
+        "contact is unknown. Use a shorter step."
+    )
+    left_bearing = (
+        "A journal penetrates its bearing's wall by more than its radius, where no contact law "
+        "holds. Check the stiffness, the journal's length and tilt, the units, and fixed steps."
+    )
+    not_followed = (
+        "The motion does not follow a driver or an ideal joint. Either a driver's value has a step "
+        "at the time reached, which no motion can follow, or a kink that its `breakpoints` do not "
+        "declare: take `PiecewiseLinear`, or declare the times of kinks. Or the error of a joint "
+        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, or take "
+        "`JointCoordinates()` or `Projection()`."
+    )
+    force_jumped = (
+        "A force of a user-defined class jumped at a time that depends on the motion, and the "
+        "derivatives would lack the term of the jump from there on. Let the force change over a "
+        "width, make it a contact law that jumps only at its onset, or take differences of runs."
+    )
+    domain = (
+        "A number of the scene, of the state, of the times or of the settings is NaN, infinite or "
+        "outside its range, in a run that JAX traces; no step was taken. The same run outside of "
+        "jax.jit, jax.vmap and jax.grad raises a ValueError that names the number."
+    )
+
+
+def result_number(result: RESULTS) -> np.ndarray:
+    """Return the number of a result code, or of an array of result codes.
+
+    >>> int(extend.result_number(cj.RESULTS.successful))
+    0
+    """
+    return np.asarray(result._value)
+
+
+def result_numbers() -> dict[str, int]:
+    """Return the number of each result code by name.
+
+    >>> extend.result_numbers()["max_steps_reached"]
+    1
+    """
+    return {name: int(result_number(item)) for name, item in RESULTS._name_to_item.items()}

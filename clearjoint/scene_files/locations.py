@@ -1,0 +1,122 @@
+"""Locations in a file, and the errors about the values there."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import NoReturn, TypeAlias
+
+Keys: TypeAlias = tuple[str | int, ...]
+"""Keys of tables and indices of lists that lead to a location."""
+LONGEST = 60
+"""Characters of a value that an error message shows."""
+LONGEST_SOURCE = 100_000
+"""Characters of a file up to which error messages name lines."""
+
+
+class Source:
+    """The text of a file, in which the lines of keys are found.
+
+    `changes`: values that the command line replaced, such as "joints.pin.clearance=2mm", by keys.
+    """
+
+    def __init__(self, text: str, suffix: str):
+        self._text, self._is_toml = text, suffix == ".toml"
+        self.changes: dict[Keys, str] = {}
+
+    def where(self, keys: Keys) -> str:
+        """The line of the statement that sets a key, or its closest table; empty if unknown."""
+        for depth in range(1, len(keys) + 1):
+            if keys[:depth] in self.changes:
+                return f" with --set {self.changes[keys[:depth]]}"
+        if not self._is_toml or len(self._text) > LONGEST_SOURCE:
+            return ""
+        whole = tomllib.loads(self._text)
+        while keys and not _has(whole, keys):
+            keys = keys[:-1]
+        return f", line {self._line(keys)}" if keys else ""
+
+    def _line(self, keys: Keys) -> int:
+        """The first line of the statement that sets an existing key."""
+        lines = self._text.split("\n")
+
+        def valid_lines(limit: int) -> tuple[int, object]:
+            """Number of lines and tables of the longest valid TOML in the first `limit` lines."""
+            for count in range(limit, 0, -1):
+                try:
+                    return count, tomllib.loads("\n".join(lines[:count]) + "\n")
+                except tomllib.TOMLDecodeError:
+                    continue
+            return 0, {}
+
+        # tomllib reports no positions. The statement ends where the beginning of the file, if
+        # parsed alone, has the key for the first time: bisect for that line.
+        without, enough = 0, len(lines)
+        while enough - without > 1:
+            middle = (without + enough) // 2
+            if _has(valid_lines(middle)[1], keys):
+                enough = middle
+            else:
+                without = middle
+        # A statement of several lines begins after the valid text before it.
+        first = valid_lines(enough - 1)[0]
+        while not lines[first].strip() or lines[first].lstrip().startswith("#"):
+            first += 1
+        return first + 1
+
+
+def _has(tables: object, keys: Keys) -> bool:
+    for key in keys:
+        try:
+            tables = tables[key]  # pyright: ignore
+        except (KeyError, IndexError, TypeError):
+            return False
+    return True
+
+
+class FileLocation:
+    """Location of a value: a file, the keys that lead to the value, and the file's text."""
+
+    def __init__(self, file: str, keys: Keys = (), source: Source | None = None):
+        self.file = file
+        self.keys = keys
+        self.source = source
+
+    def at(self, *keys: str | int) -> "FileLocation":
+        """The location of an entry below this one."""
+        return FileLocation(self.file, (*self.keys, *keys), self.source)
+
+    def __str__(self) -> str:
+        path = "".join(map(_step, self.keys)).removeprefix(".")
+        where = "" if self.source is None else self.source.where(self.keys)
+        return f"{self.file}{where}, `{path}`" if path else self.file
+
+    def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
+        """Raise a ``ValueError`` about the value at this location."""
+        raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
+
+
+def _shown(value: object) -> str:
+    """A value for a message; a long table or list is cut between entries, a text at `LONGEST`."""
+    if isinstance(value, Mapping):
+        return f"a table with {_shown(list(value))}" if value else "an empty table"
+    if isinstance(value, list | tuple) and value:
+        texts, length = [], 0
+        for item in value:
+            texts.append(_shown(item))
+            length += len(texts[-1])
+            if length > LONGEST and len(texts) < len(value):
+                texts.append(f"... ({len(value)} entries)")
+                break
+        return f"[{', '.join(texts)}]"
+    text = repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
+
+
+def _step(key: str | int) -> str:
+    if isinstance(key, int):
+        return f"[{key}]"
+    return f".{key}" if key.replace("-", "_").isidentifier() else f".{key!r}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names for a message, in alphabetical order."""
+    return ", ".join(sorted(names)) or "none"

@@ -1,1 +1,0 @@
-"""Many runs side by side on devices: lanes, what they reduce and record, and their scheduling."""

@@ -1,0 +1,510 @@
+"""Scheduler of lanes: each column of a loop gets a new lane as soon as its lane has ended.
+
+A batch has one group of columns, with its thread, for each core or accelerator.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...compilation.clock import begins_a_program, program_is_made_inside
+from ...math.vectors import pack
+from ...native import Native, UnsupportedPrimitiveError, is_native
+from ...native.cells import Cells
+from ...native.compiled import report_fallback
+from ...native.disk_cache import load_or_make
+from ...native.functions import BoundFunction
+from ...native.lanes import LaneLoop
+from ...runtime import threads_of_sweeps
+from ..run.impact_recorder import ImpactRow
+from ..run.interruptions import interruptions_deferred
+from ..step.dense_output import Snapshot
+from ..step.types import Numbers
+from .lane import WINDOW, Lane, Outcome, SegmentRequest, begin_lane, moves, outcome, step_lane
+from .tasks import Columns, Common, Task
+from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
+
+PERIOD = 0.2
+"""Seconds between two reports of progress and of lanes that have ended."""
+KNOWN_SHARE = 0.01
+"""Share of all work that must be done before the time left is estimated."""
+BLOCK_ROWS = 256
+"""Recorded rows that are read at once."""
+OnCells = BoundFunction | XlaFunction
+"""A function of cells (n, cells) of n lanes."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Lanes that have ended (host arrays with their number n in front).
+
+    `lanes`: their numbers, (n,). `logs`: by log, the recorded columns by name, (n, rows, ...)
+    filled up with NaN, and the numbers of rows, (n,).
+    """
+
+    lanes: np.ndarray
+    outcome: Outcome
+    logs: dict[str, tuple[dict[str, np.ndarray], np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Running:
+    """Progress of the lanes that have begun and not ended.
+
+    `lanes`: their number; `earliest` and `latest`: the times they have reached, s; `seconds_left`:
+    estimated time until all lanes of the batch have ended, ``None`` if there is no estimate yet.
+    """
+
+    lanes: int
+    earliest: float
+    latest: float
+    seconds_left: float | None
+
+
+class Batch:
+    """Runs lanes: in native code on CPUs where possible, else by XLA.
+
+    **Arguments:** `common`: data that all lanes share; `tasks`: data of the lanes, with the lanes
+    in front of every array (host arrays); `threads`: number of threads, as set by
+    `clearjoint.configure` unless given.
+    """
+
+    def __init__(self, common: Common, tasks: Task, threads: int | None = None):
+        self.common = jax.tree.map(
+            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
+        )
+        self.tasks, self._threads = tasks, threads or threads_of_sweeps()
+        self.lengths = dict(common.capacity)
+        if tasks.save_at is not None:
+            self.lengths[common.saved] = tasks.save_at.shape[1]
+        self.turns = 0
+        """Turns so far, counted for every column, also the empty ones."""
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[Running], None] = lambda running: None,
+    ) -> None:
+        """Run the lanes with the given numbers, which begin in this order.
+
+        `on_ended` receives lanes soon after they have ended, while others run; `on_progress` is
+        called several times a second.
+
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
+        has received all lanes that had ended.
+        """
+        if not lanes:
+            return
+        programs = self._programs()
+        shared = _Shared(self, programs, deque(lanes))
+        count = min(self._threads, -(-len(lanes) // programs.loop.width))
+        groups = [_Group(shared, number) for number in range(count)]
+        threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
+        with interruptions_deferred() as stopped:
+            try:
+                for thread in threads:
+                    thread.start()
+                # Threads compute without Python's lock; this one hands over and shows progress.
+                _deliver(shared, groups, on_ended, on_progress, stopped)
+            finally:
+                shared.stops = True
+                for thread in threads:
+                    thread.join()
+                self.turns += sum(group.turns for group in groups)
+            if stopped():
+                raise KeyboardInterrupt
+
+    def _programs(self) -> "_Programs":
+        with program_is_made_inside():
+            if is_native():
+                try:
+                    return _Programs(self, native=True)
+                except UnsupportedPrimitiveError as error:
+                    report_fallback(error)
+            return _Programs(self, native=False)
+
+
+class _Programs:
+    """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
+
+    - `own`: (lanes, cells), data of each lane: its task, and then its request, whose cells in a
+      column are those in `request`.
+    - `begin`, `outcome`, `columns[log]`: factories, since each thread needs its own functions;
+      `outcome_cells`, `column_cells[log]`: layout of their results.
+    - `buffers`: by log, the cells of a buffer's rows in a column, (rows, numbers), and of its
+      count; `blocks`: by log, rows that are read at once, and the numbers in each.
+    """
+
+    def __init__(self, batch: Batch, native: bool):
+        common, tasks = batch.common, batch.tasks
+        bare = replace(tasks, save_at=None)
+        task = jax.tree.map(lambda leaf: np.asarray(leaf[0]), bare)
+        if native:
+            lane = _begun(common, task)
+        else:
+            lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
+        request = self._first_requests(batch)
+        own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), request)
+        self.loop = (
+            _LOOPS.loop(common, own, lane)
+            if native
+            else XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
+        )
+        cells = Cells(own)
+        self.own = cells.rows((bare, request))
+        self.task_cells = Cells(task).size
+        start = self.loop.own_cells.start
+        self.request: SegmentRequest = jax.tree.map(lambda cell: cell + start, cells.columns()[1])
+        columns = jax.tree.map(
+            lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
+            Cells(lane).columns(),
+        )
+        self.buffers = {
+            name: (
+                np.concatenate(
+                    [t.reshape(len(t), -1) for t in jax.tree.leaves(buffer.rows)], axis=1
+                )[:-1],
+                int(buffer.count),
+            )
+            for name, buffer in common.logs(columns).items()
+        }
+        # The last row of a buffer takes rows for which there is no room, and is never read.
+
+        def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
+            if native:
+                return partial(BoundFunction, function.native, shared, *examples)
+            return partial(XlaFunction, function.__wrapped__, shared, *examples)
+
+        self.begin = bound(_begun, common, task)
+        self.outcome = bound(_outcome, common, task, lane)
+        self.columns: dict[str, Callable[[], OnCells]] = {}
+        self.blocks: dict[str, tuple[int, int]] = {}
+        for name, length in batch.lengths.items():
+            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
+            buffer, rows = common.logs(lane)[name], np.zeros(self.blocks[name])
+            row = jax.tree.map(lambda leaf: leaf[0], buffer.rows)
+            self.columns[name] = bound(_columns, (common, name, row), task, rows)
+        self.outcome_cells = self.outcome().results
+        self.column_cells = {name: make().results for name, make in self.columns.items()}
+
+    @staticmethod
+    def _first_requests(batch: Batch) -> SegmentRequest:
+        """Return the first requests of all lanes, with the lanes in front of each array."""
+        common, tasks = batch.common, batch.tasks
+        count = len(tasks.end_time)
+        window = np.full((count, WINDOW), np.inf)
+        if tasks.save_at is not None:
+            first = tasks.save_at[:, :WINDOW]
+            window[:, : first.shape[1]] = first
+        wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
+        return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
+
+
+@dataclass
+class _LaneSlot:
+    """A lane in a column: its number, and by log the rows that the host has read."""
+
+    number: int
+    rows: dict[str, list[np.ndarray]]
+
+    def recorded(self, log: str) -> int:
+        """Return the number of rows that the host has read from a log."""
+        return sum(map(len, self.rows[log]))
+
+
+@dataclass
+class _Record:
+    """A lane that has ended.
+
+    - `lane`: its number.
+    - `outcome`: (cells,) cells of its outcome.
+    - `logs`: by log, the cells of the recorded blocks, (blocks, cells), and the number of rows.
+    """
+
+    lane: int
+    outcome: np.ndarray
+    logs: dict[str, tuple[np.ndarray, int]]
+
+
+@dataclass
+class _Shared:
+    """State that the groups of a batch share.
+
+    - `waiting`: numbers of the lanes that have not begun; `records`: lanes that have ended;
+      `times`: times that running lanes have reached, s, by number of the lane.
+    - `finished`: set when a group has ended; `stops`: whether all groups are to stop.
+    """
+
+    batch: Batch
+    programs: _Programs
+    waiting: deque[int]
+    records: deque[_Record] = field(default_factory=deque)
+    times: dict[int, float] = field(default_factory=dict)
+    finished: threading.Event = field(default_factory=threading.Event)
+    stops: bool = False
+
+    def __post_init__(self) -> None:
+        self._lanes, self._begun = len(self.waiting), time.monotonic()
+
+    def next_lanes(self, count: int) -> list[int]:
+        """Return the numbers of up to `count` lanes to begin."""
+        found: list[int] = []
+        try:
+            while len(found) < count:
+                found.append(self.waiting.popleft())
+        except IndexError:
+            pass
+        return found
+
+    def running(self) -> Running:
+        """Return the progress of the lanes."""
+        times, start = dict(self.times), float(self.batch.common.start_time)
+        ends = self.batch.tasks.end_time
+        begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
+        ended = self._lanes - len(self.waiting) - len(times)
+        share, seconds = (ended + begun) / self._lanes, time.monotonic() - self._begun
+        left = seconds * (1.0 - share) / share if share > KNOWN_SHARE else None
+        earliest, latest = (f(times.values(), default=start) for f in (min, max))
+        return Running(len(times), earliest, latest, left)
+
+
+class _Group:
+    """A group of columns, and the thread that runs the lanes in them."""
+
+    def __init__(self, shared: _Shared, number: int):
+        self._shared, self._number = shared, number
+        self._programs, self._loop = shared.programs, shared.programs.loop
+        self._slots: list[_LaneSlot | None] = [None] * self._loop.width
+        self.turns, self.error, self.ended = 0, None, False
+
+    def run(self) -> None:
+        """Run lanes until none is left or the groups are to stop."""
+        try:
+            with _on_device(self._number):
+                programs = self._programs
+                self._columns = self._loop.columns(self._shared.batch.common)
+                self._begin, self._outcome = programs.begin(), programs.outcome()
+                self._read = {name: make() for name, make in programs.columns.items()}
+                while not self._shared.stops and self._filled():
+                    self.turns += self._loop.width * self._loop.run(self._columns)
+                    self._serve()
+        except BaseException as error:
+            self.error = error
+        self.ended = True
+        self._shared.finished.set()
+
+    def _filled(self) -> bool:
+        """Begin waiting lanes in empty columns; return whether any column has a lane."""
+        empty = [column for column, slot in enumerate(self._slots) if slot is None]
+        numbers = self._shared.next_lanes(len(empty))
+        if numbers:
+            own = self._programs.own[numbers]
+            states = self._begin(own[:, : self._programs.task_cells])
+            for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
+                self._slots[column] = _LaneSlot(
+                    number, {name: [] for name in self._programs.buffers}
+                )
+                self._loop.write_lane(self._columns, column, cells, state)
+        return len(numbers) > 0 or len(empty) < len(self._slots)
+
+    def _serve(self) -> None:
+        """Empty the buffers of lanes that have paused, and end the lanes that are done."""
+        status = self._loop.status_of(self._columns)
+        times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
+        ended: list[int] = []
+        for column, slot in enumerate(self._slots):
+            if slot is None:
+                continue
+            self._shared.times[slot.number] = times[column]
+            if goes[column]:
+                continue
+            self._take_rows(column, slot)
+            # A lane at its end may still have times to save at within its last step.
+            if not runs[column] and self._next_saves(slot)[0] > times[column]:
+                ended.append(column)
+        if ended:
+            self._end(ended)
+
+    def _take_rows(self, column: int, slot: _LaneSlot) -> None:
+        """Read and empty the buffers of a column, and update its request."""
+        floats, whole = self._columns.floats, self._columns.whole
+        taken = False
+        for name, (cells, counter) in self._programs.buffers.items():
+            if count := whole[counter, column]:
+                slot.rows[name].append(floats[cells[:count], column])
+                whole[counter, column], taken = 0, True
+        if taken:
+            request, common = self._programs.request, self._shared.batch.common
+            floats[request.window, column] = self._next_saves(slot)
+            for name, cell in request.wanted.items():
+                whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
+
+    def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
+        """Return the next times to save at in s, filled up with infinity."""
+        window, batch = np.full(WINDOW, np.inf), self._shared.batch
+        if batch.tasks.save_at is not None:
+            first = slot.recorded(batch.common.saved)
+            following = batch.tasks.save_at[slot.number, first : first + WINDOW]
+            window[: len(following)] = following
+        return window
+
+    def _end(self, columns: list[int]) -> None:
+        """Hand over the outcomes of the lanes in some columns, and empty the columns."""
+        slots = [slot for column in columns if (slot := self._slots[column])]
+        tasks = self._programs.own[[slot.number for slot in slots], : self._programs.task_cells]
+        states = self._columns.floats[self._loop.state_cells, columns].T
+        outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
+        for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):
+            logs = {name: self._log(name, slot.rows[name], task) for name in self._read}
+            self._shared.records.append(_Record(slot.number, cells, logs))
+            del self._shared.times[slot.number]
+            self._loop.leave(self._columns, column)
+            self._slots[column] = None
+
+    def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the cells of the reported columns of a log, block by block, and its row count."""
+        rows_a_block, numbers = self._programs.blocks[name]
+        count = sum(map(len, rows))
+        blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
+        if rows:
+            np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
+        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
+        return self._read[name](given), count
+
+
+def _deliver(
+    shared: _Shared,
+    groups: Sequence[_Group],
+    on_ended: Callable[[Ended], None],
+    on_progress: Callable[[Running], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Pass ended lanes and progress to the callbacks, until all groups have stopped.
+
+    The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
+
+    **Arguments:** `on_ended`: receives lanes that have ended since its last call; `on_progress`:
+    receives the progress of the running lanes; `stopped`: returns whether the user has interrupted
+    the batch, in which case all groups stop.
+
+    **Raises:** the error of a group, after its finished lanes have been passed on.
+    """
+    groups_run = True
+    while groups_run:
+        shared.finished.wait(PERIOD)
+        shared.finished.clear()
+        shared.stops = shared.stops or stopped()
+        # A group adds its last records before it counts as ended. So the groups are asked first and
+        # the records are taken afterwards: in the other order, the records that a group adds in
+        # between would be lost, because there would be no further iteration.
+        groups_run = not all(group.ended for group in groups)
+        # The length is read once, since the groups may append while records are taken.
+        records = [shared.records.popleft() for _ in range(len(shared.records))]
+        if records:
+            on_ended(_ended(shared, records))
+        for group in groups:
+            if group.error is not None:
+                raise group.error
+        on_progress(shared.running())
+
+
+def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
+    """Return lanes that have ended, with their outcomes and logs converted from cells."""
+    programs, logs = shared.programs, {}
+    for name, length in shared.batch.lengths.items():
+        found = [record.logs[name] for record in records]
+        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
+        ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
+        columns = {}
+        for key, blocks in read.items():
+            columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
+            parts = np.split(blocks, ends)
+            for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
+                table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in found])
+    outcomes = programs.outcome_cells.trees(np.stack([record.outcome for record in records]))
+    return Ended(np.array([record.lane for record in records]), outcomes, logs)
+
+
+def _on_device(number: int) -> AbstractContextManager[object]:
+    """Return a context in which a thread computes on its accelerator, if there are any."""
+    if jax.default_backend() == "cpu":
+        return nullcontext()
+    return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
+
+
+@Native
+def _begun(common: Common, task: Task) -> Lane:
+    """Return a lane before its first step."""
+    request = SegmentRequest(
+        task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
+    )
+    scene = common.scene(task)
+    return begin_lane(common.plan, scene, task.state, common.start_time, request)
+
+
+@Native
+def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
+    """Return the outcome of a lane, with its state in packed form."""
+    return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
+
+
+@Native
+def _columns(
+    shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
+) -> Columns:
+    """Return the reported columns of rows of a log."""
+    common, name, example = shared
+    return common.columns_of(name, example, task, rows)
+
+
+class _Loops:
+    """The native loops of a process, by structure; each is compiled once."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._loops: dict[Hashable, LaneLoop] = {}
+
+    def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
+        """Return the loop for lanes of a structure."""
+        trees = common, own, lane
+        leaves, structure = jax.tree.flatten(trees)
+        key = (
+            structure,
+            tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
+        )
+        with self._lock:
+            if key not in self._loops:
+                traced = begins_a_program(_lane_after_turn)
+                self._loops[key] = load_or_make(
+                    _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
+                )
+            return self._loops[key]
+
+
+_LOOPS = _Loops()
+
+
+def _lane_after_turn(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:
+    task, request = own
+    return step_lane(common.plan, common.scene(task), lane, request)
+
+
+def _lane_status(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> dict[str, PyTree]:
+    _, request = own
+    return {
+        "goes": moves(common.plan, lane, request),
+        "runs": lane.runs(common.plan, request.end_time),
+        "time": lane.step.t,
+    }

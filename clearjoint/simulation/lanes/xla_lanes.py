@@ -1,0 +1,138 @@
+"""Loop over lanes compiled by XLA, for accelerators and for CPUs without native code.
+
+All programs have a fixed number of lanes, so that the arithmetic of a lane does not depend on the
+other lanes.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...compilation import Compiled
+from ...compilation.xla import in_one_function
+from ...native.cells import Cells
+from ...native.lanes import AbstractLaneLoop, Columns
+from ...native.lowering import Region
+
+ON_CPU, ON_ACCELERATOR = 64, 4096
+"""Lanes side by side."""
+TURNS = 256
+"""Largest number of turns before a loop returns."""
+WAITING = 8
+"""A loop returns when one lane in `WAITING` needs its host."""
+
+
+def width() -> int:
+    """Return the number of lanes side by side on a device of this process."""
+    return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
+
+
+class XlaLaneLoop(AbstractLaneLoop):
+    """A loop compiled by XLA; arguments as of `clearjoint.native.lanes.LaneLoop`."""
+
+    def __init__(
+        self,
+        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
+        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
+        shared: PyTree,
+        own: PyTree,
+        state: PyTree,
+    ):
+        self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
+        self._shared, self._own, self._state = shared, Cells(own), Cells(state)
+        self.own_cells = slice(0, self._own.size)
+        self.state_cells = slice(self._own.size, self._own.size + self._state.size)
+        self.occupied = self.state_cells.stop
+        shown = eqx.filter_eval_shape(status, shared, own, state)
+        self.status = {
+            name: Region.of(form, self.occupied + 1 + k)
+            for k, (name, form) in enumerate(shown.items())
+        }
+
+    def columns(self, shared: PyTree) -> Columns:
+        """Return the memory of a group of lanes, all columns empty."""
+        del shared  # which is the same in all calls
+        return Columns(self.occupied + 1 + len(self.status), self.width)
+
+    def run(self, columns: Columns) -> int:
+        """Take turns until some of the lanes need their host; return the number of turns."""
+        own = self._own.trees(columns.floats[self.own_cells].T)
+        state = self._state.trees(columns.floats[self.state_cells].T)
+        occupied = columns.whole[self.occupied] > 0
+        arguments = self._functions, self._shared, own, state, occupied
+        turns = self._turns  # Read once, as threads share the loop.
+        try:
+            count, state, status = turns(*arguments)
+        except jax.errors.JaxRuntimeError:
+            if turns is _TURNS:
+                raise
+            # Some operations, scatters and calls of LAPACK, cannot be part of one function.
+            self._turns = _TURNS
+            count, state, status = _TURNS(*arguments)
+        columns.floats[self.state_cells] = self._state.rows(state).T
+        for name, shown in self.status_of(columns).items():
+            shown[:] = status[name]
+        return int(count)
+
+
+class XlaFunction:
+    """A function of lanes, compiled by XLA; see `clearjoint.native.functions.BoundFunction`."""
+
+    def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
+        self._function, self._shared = function, shared
+        self._arguments, self._width = [Cells(tree) for tree in examples], width()
+        shapes = eqx.filter_eval_shape(function, shared, *examples)
+        self.results = Cells(zeros_like(shapes))
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Return the cells of the results, (n, results.size), for arguments in (n, cells)."""
+        found, width = [np.zeros((0, self.results.size))], self._width
+        ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
+        for first in range(0, len(rows), width):
+            part = rows[first : first + width]
+            parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
+            trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
+            result = _for_all(self._function, self._shared, *trees)
+            found.append(self.results.rows(result)[: len(part)])
+        return np.concatenate(found)
+
+
+def zeros_like(shapes: PyTree) -> PyTree:
+    """Return a PyTree with zeros instead of the shapes of arrays."""
+    return jax.tree.map(
+        lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
+    )
+
+
+def _turns(
+    functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
+    shared: PyTree,
+    own: PyTree,
+    state: PyTree,
+    occupied: jax.Array,
+) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
+    """Return the number of turns taken, and state and status of all lanes after them."""
+    turn, status = (jax.vmap(partial(function, shared)) for function in functions)
+
+    def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
+        waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
+        return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())
+
+    def go(now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:
+        return now[0] + 1, turn(own, now[1])
+
+    count, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
+    return count, state, status(own, state)
+
+
+_TURNS_IN_ONE_FUNCTION, _TURNS = Compiled(in_one_function(_turns)), Compiled(_turns)
+
+
+@Compiled
+def _for_all(function: Callable[..., PyTree], shared: PyTree, *trees: PyTree) -> PyTree:
+    return jax.vmap(partial(function, shared))(*trees)

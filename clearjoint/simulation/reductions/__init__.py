@@ -1,0 +1,1 @@
+"""Reductions: results that are accumulated during a run, at every accepted step."""

@@ -1,0 +1,38 @@
+"""Channels: quantities with their units, by name."""
+
+from collections.abc import Mapping
+
+from ...fields.checks import require, require_array_names
+from ...model.scene import Scene
+from ...quantities.base import Quantity, check_quantity
+
+Channels = Mapping[str, tuple[Quantity, str]]
+"""Quantities with their units, by name."""
+PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
+
+
+def check_channels(channels: Channels) -> None:
+    """Check that channels are quantities with units, with names that are valid for arrays."""
+    require_array_names("channels", channels, PASS_CHANNELS)
+    fine = bool(channels) and all(
+        isinstance(pair, tuple)
+        and len(pair) == 2
+        and callable(pair[0])
+        and isinstance(pair[1], str)
+        for pair in channels.values()
+    )
+    require(
+        fine,
+        "channels",
+        channels,
+        "a (quantity, unit) pair by name",
+        PASS_CHANNELS,
+    )
+    taken = sorted({"time", "count"} & set(channels))
+    require(not taken, "channels", taken, "of names that the output does not use", "rename them")
+
+
+def check_quantities(channels: Channels, scene: Scene) -> None:
+    """Check that a scene has the elements that the quantities name."""
+    for name, (quantity, _) in channels.items():
+        check_quantity(f"channel {name!r}", quantity, scene)

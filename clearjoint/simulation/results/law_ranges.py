@@ -1,0 +1,29 @@
+"""Check of the penetrations of a run against the ranges of the contact laws."""
+
+from ...model.contact.limits import exceeded
+from ...model.scene import Scene
+from .impact_table import Impacts
+
+
+def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
+    """Return a sentence for each contact whose penetrations exceed the range of its law.
+
+    It names joint, contact, law, quantity, limits and the largest value.
+
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))
+    >>> names = np.array(["shoulder"]), np.array(["V"])
+    >>> depth = np.array([0.4e-3])  # of 0.5 mm of clearance
+    >>> impacts = cj.results.Impacts(*names, *[np.zeros(1)] * 7, depth)
+    >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
+    Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
+    """
+    sentences = []
+    for name, joint in scene.contact_joints().items():
+        for label in joint.laws():
+            depths = impacts.of(name, label).largest_penetration
+            if len(depths):
+                limits = joint.law_limits(label, float(depths.max()))
+                where = f"Contact {label!r} of joint {name!r}: "
+                sentences += [where + text for text in exceeded(limits, "penetration")]
+    return sentences

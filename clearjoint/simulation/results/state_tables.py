@@ -1,0 +1,72 @@
+"""States at several times as labelled arrays."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...export.labelled import COMPONENT, COMPONENTS, Labelled, texts
+from ...model.bodies import State
+
+STATE_PARTS = {
+    "position": ("component", "m"),
+    "orientation": ("parameter", "1"),
+    "velocity": ("component", "m/s"),
+    "spin": ("component", "rad/s"),
+}
+"""Dimension and unit of the parts of a body's state."""
+LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
+"""Labels along these dimensions."""
+MEANINGS = {
+    "position": "position of the centre of mass, global",
+    "orientation": "Euler parameters, scalar first, body to global",
+    "velocity": "velocity of the centre of mass, global",
+    "spin": "angular velocity in body axes",
+}
+CONTACTS = "contact"
+BRISTLES = "bristle_contact"
+"""Names of dimensions."""
+
+
+def contact_label(joint: str, contact: str) -> str:
+    """Return the name of a joint's contact in tables: both names, separated by a space."""
+    return f"{joint} {contact}"
+
+
+def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
+    """Return the parts of states by name, along the dimensions in `rows` and their own."""
+    arrays = {}
+    for part, (dim, unit) in STATE_PARTS.items():
+        values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
+        dims = (*rows, "body", dim)
+        arrays[prefix + part] = Labelled(dims, np.stack(values, -2), unit, MEANINGS[part])
+    if entry_speeds := _by_contact(states.entry_speeds):
+        values = np.stack([*entry_speeds.values()], -1)
+        text = "speed at which the contact closed; zero in flight"
+        arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
+    if bristles := _by_contact(states.bristles):
+        text = "deflection of the bristles, in the axes of the joint's first body"
+        dims = (*rows, BRISTLES, COMPONENT)
+        values = np.stack([*bristles.values()], -2)
+        arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
+    if states.work:
+        text = "integrals of the energy ledger; friction has what bristles hold"
+        values = np.stack([np.asarray(one) for one in states.work.values()], -1)
+        arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
+    return arrays
+
+
+def state_labels(states: State) -> dict[str, Labelled]:
+    """Return the labels along the dimensions of `state_arrays`."""
+    labels = {"body": [*states.bodies], **LABELS}
+    labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
+    labels[BRISTLES] = [*_by_contact(states.bristles)]
+    labels["integral"] = [*states.work]
+    return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
+
+
+def _by_contact(tables: Mapping[str, Mapping[str, object]]) -> dict[str, np.ndarray]:
+    return {
+        contact_label(joint, contact): np.asarray(value)
+        for joint, family in tables.items()
+        for contact, value in family.items()
+    }

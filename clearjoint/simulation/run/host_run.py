@@ -1,0 +1,235 @@
+"""Execution of a run: in segments with the host between them, or in one traced computation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...dynamics.journals import any_slid_out
+from ...export.provenance import Notes
+from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
+from ...model.bodies import State
+from ...native import Native
+from ...result_codes import RESULTS, result_number
+from ..results.impact_table import Impacts
+from ..results.solution import SUCCESSFUL, Solution, Trajectory
+from ..step.dense_output import Snapshot
+from ..step.loops import AbstractLoops
+from ..step.method import Scheme
+from ..step.step_state import Step
+from .impact_recorder import impact_rows_of
+from .interruptions import interruptions_deferred
+from .progress_bars import ProgressBar, telling_of_compiling
+from .run_ends import final_result, final_state, named
+from .sections import Section, crossings_of, with_units
+from .segments import Progress, SavedStates, TimedState, emptied, segment
+
+T = TypeVar("T")
+ATTEMPTS_A_SEGMENT = 50_000
+SAVES_A_SEGMENT = 512
+segment_compiled = Native(segment)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that is ready to start: its equations, its end time in s, and its redundant
+    constraints."""
+
+    folded_scene: ConstantFolded
+    scheme: Scheme
+    end: Scalar
+    redundant: tuple[str, ...]
+
+    def in_one_piece(
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
+    ) -> Solution:
+        """Run to the end inside one traced computation.
+
+        Rows of saved states that were not reached repeat the last state.
+        """
+        # The end is a further time to save at, so that the run goes on behind the last save.
+        times = None if save_at is None else jnp.append(save_at, self.end)
+        limit = jnp.asarray(max_steps)
+        arguments = self.scheme, self.folded_scene, now, times, self.end, limit
+        now, saved = loops.closed(segment(*arguments, loops))
+        final, result, _ = _end_of(self.scheme, self.folded_scene, now.step, self.end)
+        trajectory = count = None
+        if saved is not None:
+            states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
+            trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
+        return Solution(
+            now.step.t,
+            final,
+            result,
+            now.step.attempts,
+            now.step.accepted,
+            trajectory,
+            count,
+            None,
+            None,
+            self.scheme.formulation,
+            self.redundant,
+        )
+
+    def on_host(
+        self,
+        now: Progress,
+        save_at: np.ndarray | None,
+        max_steps: int,
+        progress: bool,
+        sections: Mapping[str, Section],
+        notes: Notes,
+    ) -> tuple[Solution, bool, bool]:
+        """Run to the end, a failure, the step limit or an interruption, segment by segment.
+
+        **Returns:** the solution, whether a user interrupted the run, and whether a journal has
+        slid out of its bearing at the end.
+        """
+        saves = _SaveTimes(save_at, float(self.end))
+        steps: list[TimedState] = []
+        impacts: list[tuple[str | float, ...]] = []
+        start = float(now.step.t)
+        bar = ProgressBar(
+            total=float(self.end) - start,
+            desc="simulated",
+            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
+            delay=2.0,
+            leave=False,
+            disable=not progress,
+        )
+        with telling_of_compiling(bar), interruptions_deferred() as stopped:
+            while True:
+                # Segments are short enough for the bar and for Ctrl-C, which waits for their end.
+                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
+                arguments = self.scheme, self.folded_scene, now, saves.chunk(), self.end
+                now, saved = segment_compiled(*arguments, np.asarray(limit))
+                saves.take(saved)
+                # Empty the buffers at each stop, so that their size does not limit the run.
+                if now.record is not None:
+                    steps.append(now.record.filled())
+                if now.impacts is not None:
+                    impacts += impact_rows_of(now.impacts)
+                now = emptied(now)
+                bar.update(float(now.step.t) - start - bar.n)
+                failed = result_number(now.step.result) != SUCCESSFUL
+                ended = failed or int(now.step.attempts) >= max_steps
+                # A segment ends behind `SAVES_A_SEGMENT` saves too: the end time is not enough.
+                ended = ended or (float(now.step.t) >= float(self.end) and saves.done())
+                interrupted = not ended and stopped()
+                if ended or interrupted:
+                    break
+        final, result, left = _end_compiled(self.scheme, self.folded_scene, now.step, self.end)
+        time, attempts, accepted = jax.device_get(
+            (now.step.t, now.step.attempts, now.step.accepted)
+        )
+        solution = Solution(
+            time,
+            final,
+            result,
+            attempts,
+            accepted,
+            saves.trajectory(),
+            saves.count,
+            None if now.record is None else _trajectory(steps),
+            None if now.impacts is None else Impacts.of_rows(impacts),
+            self.scheme.formulation,
+            self.redundant,
+            sections=with_units(crossings_of(now.sections), sections),
+            outputs=self._outputs(now),
+            settings=notes,
+        )
+        return solution, interrupted, bool(left)
+
+    def _outputs(self, now: Progress) -> dict[str, float]:
+        """Results of the reductions, each number by its own name."""
+        if not now.reductions:
+            return {}
+        results = jax.device_get(_results_compiled(self.scheme, self.folded_scene, now))
+        return {
+            f"{name}_{part}" if part else name: float(value)
+            for name, parts in results.items()
+            for part, value in parts.items()
+        }
+
+
+def _end_of(
+    scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
+) -> tuple[State, RESULTS, Condition]:
+    """Return the final state (packed), the result, and whether a journal has slid out."""
+    final = final_state(scheme.unpacked(folded_scene), step)
+    left = any_slid_out(unpack(folded_scene), final.bodies)
+    return pack(final), final_result(step, end), left
+
+
+_end_compiled = Native(_end_of)
+
+
+def _results_of(
+    scheme: Scheme, folded_scene: ConstantFolded, now: Progress
+) -> dict[str, dict[str, Scalar]]:
+    """Results of the reductions at the end of a run, by name."""
+    system, step = scheme.unpacked(folded_scene), now.step
+    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    return {
+        name: record.reduction.results(record.tally, instant)
+        for name, record in now.reductions.items()
+    }
+
+
+_results_compiled = Native(_results_of)
+
+
+class _SaveTimes:
+    """The times to save at, handed out in chunks, and the states that came back.
+
+    Chunks have a fixed size, so that another number of times compiles nothing.
+    """
+
+    def __init__(self, times: np.ndarray | None, end: float):
+        self._times, self._end = times, end
+        self.count = 0
+        self._pieces: list[State] = []
+
+    def chunk(self) -> np.ndarray | None:
+        """The next times, filled up with the end time."""
+        if self._times is None:
+            return None
+        chunk = np.full(SAVES_A_SEGMENT, self._end)
+        following = self._times[self.count :][:SAVES_A_SEGMENT]
+        chunk[: len(following)] = following
+        return chunk
+
+    def take(self, saved: SavedStates | None) -> None:
+        """Keep the states at the requested times that were reached."""
+        if saved is None or self._times is None:
+            return
+        left = len(self._times) - self.count
+        reached = int(np.asarray(saved.reached)[:left].sum())
+        if reached or not self._pieces:
+            # Copies: a slice would keep all rows of its segment, reached or not.
+            self._pieces.append(
+                jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)
+            )
+        self.count += reached
+
+    def done(self) -> bool:
+        """Whether all times have been saved at."""
+        return self._times is None or self.count == len(self._times)
+
+    def trajectory(self) -> Trajectory | None:
+        """The states at the times reached."""
+        if self._times is None:
+            return None
+        return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
+
+
+def _joined(pieces: list[T]) -> T:
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
+
+
+def _trajectory(pieces: list[TimedState]) -> Trajectory:
+    rows = _joined(pieces)
+    return Trajectory(rows.t, pack(named(rows.state)))

@@ -1,0 +1,194 @@
+"""Checks of a scene, an initial state and JAX's precision before a run."""
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Hashable
+from functools import reduce
+from operator import and_
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+from ...compilation.tracing import is_tracing
+from ...dynamics.assembly import (
+    ACCEPTED_VIOLATION,
+    REPRESENTED,
+    check_names,
+    require_assembled,
+    require_certain,
+    require_representable,
+    round_trip,
+)
+from ...dynamics.constraint_report import (
+    StartRows,
+    constraint_report,
+    dependent,
+    start_rows,
+)
+from ...dynamics.coordinates import AbstractCoordinates
+from ...dynamics.formulation import Formulation
+from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
+from ...fields.caching import cached_by_numbers
+from ...fields.checks import conditions_of, conditions_of_changes, recheck
+from ...fields.conversion import with_arrays
+from ...math.vectors import Condition, Scalar
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
+from ...native.functions import FlatArguments
+
+BY_NUMPY = 8
+"""Initial states of one structure that are checked by NumPy, in some milliseconds each, before
+native code is compiled that takes microseconds."""
+KEPT = 256
+"""Initial states of one structure for which the dependent constraints are cached."""
+
+
+def check_precision(allow_float32: bool) -> None:
+    """Check that JAX computes in 64 bits, unless single precision is allowed."""
+    if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
+        raise ValueError(
+            "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
+            "clearjoint.configure() first, or pass Settings(allow_float32=True)."
+        )
+
+
+def is_traced(tree: PyTree) -> bool:
+    """Whether JAX traces any of these numbers, so that values cannot be checked.
+
+    Under `jax.jit` everything that is computed is traced, even from known numbers.
+    """
+    return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def check_numbers(scene: Scene, state: State) -> None:
+    """Check the numbers of a scene, and that a state belongs to it."""
+    _recheck(scene)
+    check_names(scene, state)
+
+
+def in_domain(check: Callable[[], None]) -> Condition | None:
+    """Return the condition that traced numbers pass a check, or ``None`` if it reads none of them.
+
+    It is evaluated once before the first step, and does not change the loop of steps.
+    """
+    conditions = conditions_of(check)
+    return reduce(jnp.logical_and, conditions) if conditions else None
+
+
+def check_start(
+    scene: Scene, state: State, start_time: Scalar, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
+    """Check the numbers of a run and the state; return the names of redundant constraints."""
+    if isinstance(scene, Scene) and isinstance(state, State):
+        redundant = starts.redundant(scene, state, start_time, coordinates)
+        if redundant is not None:
+            return redundant
+    check_numbers(scene, state)
+    return check_structure(scene, state, start_time, coordinates)
+
+
+def check_structure(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
+    """Check the state against the constraints; return the names of redundant ones."""
+    if not scene.joints:
+        return ()
+    require_in_bearings(scene, state)
+    report = constraint_report(scene, state, t, coordinates)
+    require_assembled(report.names, report.values, report.rates)
+    require_certain(report.uncertain)
+    require_representable(scene, state, coordinates)
+    return report.redundant
+
+
+_recheck = cached_by_numbers(recheck)
+
+
+def _passes(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[Condition, StartRows | None, bool]:
+    """Return three things about a start.
+
+    - Whether it passes every check of `check_start` without a warning, except for redundancy.
+    - The rows by which redundant constraints are found, ``None`` without joints.
+    - Whether the checks of the scene's numbers are included; those of user-defined classes are not.
+    """
+    holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
+    structure = jax.tree.structure(scene)
+    numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
+    holds += [] if numbers is None else numbers
+    if not scene.joints:
+        return reduce(and_, holds, jnp.asarray(True)), None, numbers is not None
+    depths = contact_depths.__wrapped__(scene, state.bodies)
+    holds += [
+        (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
+        for name, joint in scene.contact_joints().items()
+        for label, limit in joint.deepest().items()
+    ]
+    # Position and velocity satisfy the constraints.
+    rows = start_rows(scene, coordinates, state, t)
+    holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
+    # The coordinates represent the state: it is the same after a round trip through them.
+    variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
+    for name, body in state.bodies.items():
+        given, same = body.orientation, decoded[name].orientation
+        # Both signs of Euler parameters are the same orientation.
+        apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
+        holds.append(apart < REPRESENTED)
+    return reduce(and_, holds), rows, numbers is not None
+
+
+class _Starts:
+    """Fast check of starts in native code.
+
+    It says only whether a start passes. The others are then checked one by one in Python, so that
+    the error names the cause.
+    """
+
+    def __init__(self) -> None:
+        self._function = NativeFunction(_passes)
+        self._seen: Counter[Hashable] = Counter()
+        self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
+
+    def count(self) -> int:
+        """Return the number of compiled programs."""
+        return self._function.count()
+
+    def redundant(
+        self, scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+    ) -> tuple[str, ...] | None:
+        """Return the names of redundant constraints at a start that passes.
+
+        ``None`` if it does not pass, or if there is no program for it yet.
+        """
+        scene, state = with_arrays((scene, state))
+        given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
+        # Compiling takes longer than the checks of a few starts.
+        self._seen[given.key] += 1
+        if self._seen[given.key] <= BY_NUMPY or not is_native():
+            return None
+        try:
+            fine, rows, with_numbers = self._function.run(given)
+        except (UnsupportedPrimitiveError, ValueError):
+            # Never try this structure again.
+            self._seen[given.key] = -sys.maxsize
+            return None
+        if not fine:
+            return None
+        if not with_numbers:
+            _recheck(scene)
+        if rows is None:
+            return ()
+        known = self._distances.setdefault(given.key, {})
+        if len(known) > KEPT:
+            known.clear()
+        redundant, uncertain = dependent(rows.names, rows.left, known)
+        return None if uncertain else redundant
+
+
+starts = _Starts()

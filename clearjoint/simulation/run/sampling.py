@@ -1,0 +1,272 @@
+"""Quantities and their derivatives at given times of a run with tangents.
+
+This is the compiled part of `.sensitivities`, of fits and of fit horizons. The recorders are those
+of any run (`.advance`).
+"""
+
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...compilation import traced_once
+from ...dynamics.contact_forces import EntrySpeeds
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar
+from ...model.bodies import State
+from ...native import Native
+from ...parametrisation.parametrised_scene import AbstractFamily
+from ...quantities.base import Quantity
+from ...quantities.instant import Instant
+from ...result_codes import RESULTS
+from ..step.dense_output import correct, look_inside
+from ..step.method import Scheme
+from ..step.step_state import Attempt, Method, Step, Variables
+from ..step.stepping import attempt, blank_attempt, running
+from ..step.systems import SystemFamily
+from ..step.types import Gradients, Numbers
+from ..step.variational import look_at_tangents, start_with_tangents
+from .advance import Recorder, advance, latest_attempt
+from .impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow, most
+from .row_buffer import RowBuffer
+from .run_ends import final_result, named, state_of
+from .sections import SectionRecord, SectionRecorder, after_sections
+
+LATEST, IMPACTS, SECTIONS = "latest", "impacts", "sections"
+"""Names of the records."""
+RECORDERS: dict[str, Recorder] = {
+    LATEST: latest_attempt,
+    IMPACTS: ImpactRecorder().after,
+    SECTIONS: after_sections,
+}
+Run = tuple[Step, dict[str, PyTree]]
+"""The latest step, and the records by name."""
+FEW_TIMES, GROWTH = 64, 8
+"""Numbers of times are rounded up to 64, 512, 4096 ..., so that few numbers need compiling. The
+last time is repeated; a repeated time is evaluated once, so that padding costs almost nothing."""
+
+
+class Kept(eqx.Module):
+    """Results to keep besides quantities.
+
+    `states`: whether to keep the states at the times; `impacts`: rows for the impacts of each
+    contact, or ``None`` to record none; `sections`: recorders of crossings, by name.
+    """
+
+    states: bool = eqx.field(default=False, static=True)
+    impacts: int | None = eqx.field(default=None, static=True)
+    sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
+
+
+NOTHING_ELSE = Kept()
+IMPACTS_AT_FIRST = 512
+"""Rows for each contact; a run with more impacts is repeated with `GROWTH` times as many rows."""
+
+
+class Sampled(eqx.Module):
+    """Quantities at N times and their derivatives along p parameters.
+
+    - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
+    - `reached`: (N,), whether the run reached each time.
+    - `time`, `result`, `attempts`, `accepted`: end of the run in s, its result code, and its steps.
+    - `states` in scalar form with N in front, `impacts` and `sections`, if kept. Times of impacts
+      count from the start of the run.
+    """
+
+    values: dict[str, Numbers]
+    derivatives: dict[str, Gradients]
+    reached: jax.Array
+    time: Scalar
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+    states: State | None = None
+    impacts: ImpactRecord | None = None
+    sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
+
+
+def followed(
+    scheme: Scheme,
+    family: AbstractFamily,
+    outputs: Mapping[str, Quantity],
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
+    kept: Kept = NOTHING_ELSE,
+) -> Sampled:
+    """Integrate the state and its derivatives, and evaluate quantities at given times.
+
+    The function can be traced by JAX.
+
+    **Arguments:**
+
+    - `times`: (N,) s, rising or repeated.
+    - `t0`, `t_end`: s, start and end of the run.
+    - `first_step`: s, length of the first step that is tried.
+    - `max_steps`: largest number of attempts.
+    """
+    method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
+    system = systems.system()
+    # Steps go by a clock that is zero at the start of the run: steps that land on impacts need
+    # times that are finer than the rounding of large times.
+    own_end, own_times = t_end - t0, times - t0
+    first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
+    records = _first_records(method, system, first, kept)
+    tried = traced_once(attempt)
+    records[LATEST] = blank_attempt(method, system, first, own_end, systems, tried)
+
+    def go(now: Run) -> Run:
+        step, records = now
+        recorders = {name: RECORDERS[name] for name in records}
+        return advance(
+            method, system, step, own_end, records, recorders, family=systems, attempt=tried
+        )
+
+    def sample(now: Run, row: tuple[Scalar, Condition]) -> tuple[Run, PyTree]:
+        time, is_new = row
+        # Steps go past the time, since evaluation must not change them.
+        step, records = now = jax.lax.while_loop(
+            lambda now: (now[0].t < time) & running(now[0], own_end, max_steps), go, now
+        )
+        sampled = _sample(method, systems, outputs, records[LATEST], time, is_new, kept)
+        return now, (*sampled, time <= step.t)
+
+    is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
+    (step, records), (*sampled, states, reached) = _scanned(
+        sample, (first, records), (own_times, is_new)
+    )
+    # Repeated times take the numbers of the first time among them, the only one evaluated.
+    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
+    return Sampled(
+        values=values,
+        derivatives=derivatives,
+        reached=reached,
+        time=jnp.where(step.t < own_end, t0 + step.t, t_end),
+        result=final_result(step, own_end),
+        attempts=step.attempts,
+        accepted=step.accepted,
+        states=states,
+        impacts=records.get(IMPACTS),
+        sections=records[SECTIONS],
+    )
+
+
+def _scanned(
+    sample: Callable[[Run, PyTree], tuple[Run, PyTree]], run: Run, rows: PyTree
+) -> tuple[Run, PyTree]:
+    """Apply `jax.lax.scan` to `sample` over rows, in blocks of `FEW_TIMES` rows.
+
+    The result is that of a single `jax.lax.scan`.
+    """
+    # XLA copies in each turn all that a loop has written so far: at 4096 times one loop took ten
+    # times as long as the run.
+    count = len(jax.tree.leaves(rows)[0])
+    if count <= FEW_TIMES or count % FEW_TIMES != 0:
+        return jax.lax.scan(sample, run, rows)
+    blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, FEW_TIMES), rows)
+    run, rows = jax.lax.scan(lambda run, block: jax.lax.scan(sample, run, block), run, blocks)
+    return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
+
+
+def _first_records(method: Method, system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
+    """Return the records before the first step, without that of the latest attempt."""
+    records: dict[str, PyTree] = {
+        SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
+    }
+    if kept.impacts is not None:
+        empty = RowBuffer.like(ImpactRow.none(), kept.impacts)
+        records[IMPACTS] = ImpactRecorder().start(method, system, first, empty)
+    return records
+
+
+def _sample(
+    method: Method,
+    systems: SystemFamily,
+    outputs: Mapping[str, Quantity],
+    latest: Attempt,
+    time: Scalar,
+    is_new: Condition,
+    kept: Kept,
+) -> tuple[dict[str, Scalar], dict[str, jax.Array], State | None]:
+    """Return quantities, their derivatives and the state at a time in the latest accepted step.
+
+    **Arguments:**
+
+    - `latest`: the attempt of that step.
+    - `time`: s since the start of the run.
+    - `is_new`: whether the time differs from the one before it. At a repeated time, quantities and
+      derivatives are not computed; they are zeros.
+
+    **Returns:** the quantities by name; their derivatives with respect to the parameters'
+    coordinates, (p,) by name; and the state, or ``None`` if `kept` requests none.
+    """
+    # `cond` skips repeated times, such as padding, at which `followed` copies the numbers of the
+    # first of equal times. It doesn't copy states, which are therefore computed at every time.
+    no_value, no_derivatives = jnp.zeros(()), jnp.zeros(len(systems.values))
+    values, derivatives = jax.lax.cond(
+        is_new,
+        lambda: _quantities(method, systems, outputs, latest, time),
+        lambda: (dict.fromkeys(outputs, no_value), dict.fromkeys(outputs, no_derivatives)),
+    )
+    if not kept.states:
+        return values, derivatives, None
+    system = systems.system()
+    variables, entry_speeds = look_inside(method, system, latest, time)
+    return values, derivatives, named(state_of(system, variables, entry_speeds))
+
+
+def _quantities(
+    method: Method,
+    family: SystemFamily,
+    outputs: Mapping[str, Quantity],
+    tried: Attempt,
+    time: Scalar,
+) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
+    """Return quantities at a time in an accepted step, s, and their derivatives (p,), by name.
+
+    Derivatives are with respect to the coordinates of the p parameters.
+    """
+    dense = look_inside(method, family.system(), tried, time)
+
+    def observed(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[dict[str, Scalar], None]:
+        y = correct(system, y, time)
+        now = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+        return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
+
+    values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))
+    return values, derivatives
+
+
+sampled_compiled: Native[..., Sampled] = Native(followed)
+
+
+def recorded_run(
+    arguments: tuple[PyTree, ...],
+    states: bool,
+    impacts: bool,
+    sections: dict[str, SectionRecorder],
+) -> Sampled:
+    """Run with enough rows for all impacts, and return the result in host arrays."""
+    room = IMPACTS_AT_FIRST if impacts else None
+    while True:
+        kept = Kept(states, room, sections)
+        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, kept))
+        if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
+            return sampled
+        room *= GROWTH
+
+
+def padded(times: np.ndarray, end_time: float) -> np.ndarray:
+    """Return the times, followed by the end time, so that their number is 64, 512, 4096 ..."""
+    size = FEW_TIMES
+    while size <= len(times):
+        size *= GROWTH
+    return np.append(times, np.full(size - len(times), float(end_time)))

@@ -1,0 +1,257 @@
+"""Forward sensitivities with error control: derivatives of quantities along a motion.
+
+Differentiating through an adaptive loop gives the derivative of the discretisation, which differs
+from that of the motion near impacts. Here the variational equations are integrated together with
+the state and share its error control, entry speeds are differentiated at the true onset of a
+contact, and steps land on onsets within 1e-13 m. `studies.speed_accuracy` measures the accuracy,
+and `studies.benchmark` the cost.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...export.labelled import Labelled, labelled_dataset, texts
+from ...export.provenance import Notes, setting_notes
+from ...export.tabular import AbstractTabular
+from ...fields.checks import require, require_names
+from ...fields.types import ArrayLike
+from ...math.vectors import pack
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...parametrisation.parameter import Parameter, check_parameters, coordinates_of
+from ...parametrisation.parametrised_scene import parametrised
+from ...quantities.base import Quantity, check_quantity
+from ...result_codes import RESULTS
+from ..results.impact_table import Impacts
+from ..results.solution import Trajectory, raise_failure
+from ..step import presets
+from ..step.settings import Settings, settings_or
+from ..step.spans import check_span, checked_times
+from .derivative_runs import derivative_scheme
+from .impact_recorder import impact_rows_of
+from .progress_bars import compiling_bar
+from .sampling import Sampled, padded, recorded_run
+from .saving import Saving, saving_or_nothing
+from .sections import Crossings, crossings_of, with_units
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Sensitivities(AbstractTabular):
+    """Quantities along a motion and their derivatives.
+
+    - `times`: (N,) s, the requested times that were reached.
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
+      `Log` scale: to the logarithm), in the order of `parameters`.
+    - `time`, `result`: end of the run in s, and its `RESULTS` code.
+    - `attempts`, `accepted`: steps tried and accepted.
+    - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
+      ``None`` unless requested.
+    - `sections[name]`: the `Crossings` of each requested section.
+    - `units[name]`: units of the quantities that have one; `scales`: labels of the parameters'
+      coordinates, such as "log clearance"; `settings`: as of `Solution`.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export values and derivatives.
+
+    >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
+    >>> found.values["x"].shape, found.derivatives["x"].shape
+    ((30,), (30, 1))
+    """
+
+    parameters: tuple[str, ...]
+    times: np.ndarray
+    values: dict[str, np.ndarray]
+    derivatives: dict[str, np.ndarray]
+    time: float
+    result: RESULTS
+    attempts: int
+    accepted: int
+    saved: Trajectory | None = None
+    impacts: Impacts | None = None
+    sections: Mapping[str, Crossings] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: tuple[str, ...] = ()
+    settings: Notes = ()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return values and derivatives as an `xarray.Dataset`.
+
+        - Each quantity is a variable of the same name along "time", (N,), in the quantity's unit.
+        - Its derivatives are the variable "<name>_derivative" along "time" and "parameter", (N, p),
+          with respect to the parameters' coordinates. Coordinates are pure numbers, so that
+          derivatives have the quantity's unit.
+        - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
+        - Attributes are the end of the run, its result, the numbers of steps, and the settings.
+        """
+        variables = {}
+        for name, values in self.values.items():
+            unit = self.units.get(name)
+            description = f"derivative of {name} by a parameter's coordinate"
+            variables[name] = Labelled(("time",), values, unit)
+            variables[f"{name}_derivative"] = Labelled(
+                ("time", "parameter"), self.derivatives[name], unit, description
+            )
+        labels = {
+            "time": Labelled(("time",), self.times, "s", "time"),
+            "parameter": Labelled(("parameter",), texts(self.parameters)),
+        }
+        if self.scales:
+            labels["coordinate"] = Labelled(("parameter",), texts(self.scales))
+        notes = {
+            "result": RESULTS[self.result],
+            "time_reached": self.time,
+            "attempts": self.attempts,
+            "accepted": self.accepted,
+            **dict(self.settings),
+        }
+        return labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
+
+
+def sensitivities(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameters: Mapping[str, Parameter],
+    outputs: Mapping[str, Quantity],
+    times: ArrayLike,
+    settings: Settings | None = None,
+    save: Saving | None = None,
+    *,
+    start_time: float = 0.0,
+    throw: bool = True,
+    progress: bool = True,
+) -> Sensitivities:
+    """Integrate a scene together with the derivatives of its motion with respect to parameters.
+
+    Derivatives are finite at singular points: at a centred journal and at zero depth they are those
+    of free flight, at zero slip those of one side of the friction law, and at zero entry speed
+    those of the damping at the law's `entry_speed_floor`. Derivatives with respect to the initial
+    position of a journal that touches the wall have no meaning, since contact at the start counts
+    as elastic and the motion depends on it discontinuously.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` in s: as in `simulate`. Parameters have the values
+      in the scene.
+    - `parameters`: parameters to differentiate with respect to, by name; see `Parameter`.
+    - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
+    - `times`: (N,) s, rising, at which the outputs are evaluated.
+    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
+    - `save`: further results to keep: states at given times, impacts and sections.
+    - `throw`: raise `SimulationError`, with the results so far, if the run fails.
+    - `progress`: show the time spent compiling.
+
+    **Raises:** `ValueError` for invalid arguments, and for elements that compare something with
+    time but declare no `breakpoints`, since derivatives would lack the saltation there;
+    `SimulationError` for a run that fails. If a user-defined force jumps at a state of the motion,
+    the run ends there with `RESULTS.force_jumped`.
+
+    >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
+    >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
+    >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))
+    True
+    """
+    check_outputs(outputs, scene)
+    check_parameters(parameters)
+    settings = settings_or(settings, presets.derivatives)
+    scheme = derivative_scheme(scene, state, settings, start_time)
+    check_span(start_time, end_time)
+    requested = checked_times(start_time, end_time, times, "times")
+    save = saving_or_nothing(save)
+    save.require_no_steps("of a run with derivatives", "take simulate() for them")
+    save.require_no_outputs("of a run with derivatives", "take simulate() for them")
+    save.check(scene, settings.ledger)
+    saved = save.times_between(start_time, end_time)
+    # One run serves both: outputs and states are evaluated at all times, and selected afterwards.
+    all_times = requested if saved is None else np.union1d(requested, saved)
+    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
+    span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
+    arguments = (
+        scheme,
+        family,
+        dict(outputs),
+        padded(all_times, end_time),
+        *(np.asarray(t, float) for t in span),
+        np.asarray(settings.max_steps, int),
+    )
+    keeps = saved is not None, save.impacts, save.section_recorders()
+    with compiling_bar(progress):
+        sampled = recorded_run(arguments, *keeps)
+    result = replace(
+        _result(sampled, tuple(parameters), all_times, requested, saved, start_time),
+        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
+        scales=tuple(p.scale.label(name) for name, p in parameters.items()),
+        settings=setting_notes(settings),
+    )
+    result = replace(result, sections=with_units(result.sections, save.sections))
+    if throw:
+        raise_failure(result)
+    return result
+
+
+def _result(
+    sampled: Sampled,
+    parameters: tuple[str, ...],
+    all_times: Float[np.ndarray, " all"],
+    requested: Float[np.ndarray, " some"],
+    saved: np.ndarray | None,
+    start_time: float,
+) -> Sensitivities:
+    """Return outputs at the requested times, and states at those to save at."""
+    rows = _rows_reached(sampled, all_times, requested)
+    return Sensitivities(
+        parameters=parameters,
+        times=requested[: len(rows)],
+        values={name: values[rows] for name, values in sampled.values.items()},
+        derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
+        time=float(sampled.time),
+        result=sampled.result,
+        attempts=int(sampled.attempts),
+        accepted=int(sampled.accepted),
+        saved=None if saved is None else _trajectory(sampled, all_times, saved),
+        impacts=(
+            None
+            if sampled.impacts is None
+            else Impacts.of_rows(impact_rows_of(sampled.impacts, start_time))
+        ),
+        sections=crossings_of(sampled.sections),
+    )
+
+
+def _rows_reached(
+    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Int[np.ndarray, " reached"]:
+    """Return the rows among all times of those of `times` that the run reached."""
+    rows = np.searchsorted(all_times, times)
+    return rows[sampled.reached[rows]]
+
+
+def _trajectory(
+    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
+) -> Trajectory:
+    """Return the states at those of `times` that the run reached."""
+    rows = _rows_reached(sampled, all_times, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
+    return Trajectory(times[: len(rows)], pack(states))
+
+
+def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
+    """Check that outputs are functions by name, and that the scene has the elements they name.
+
+    **Raises:** `ValueError` that names the output.
+    """
+    example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
+    require_names("outputs", outputs, example)
+    require(len(outputs) > 0, "outputs", {}, "not empty", example)
+    for name, output in outputs.items():
+        expected = "a scalar function of an Instant"
+        require(callable(output), f"outputs[{name!r}]", output, expected, example)
+        check_quantity(f"Output {name!r}", output, scene)

@@ -1,0 +1,125 @@
+"""Impact of a free mass on a wall, to see what a contact law delivers."""
+
+from dataclasses import dataclass
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Float
+
+from ...compilation import Compiled
+from ...fields.checks import require
+from ...fields.types import Single
+from ...math.interpolation import Parabola
+from ...math.vectors import Scalar
+from ...model.contact.gap import Gap
+from ...model.contact.laws import AbstractContactLaw, contact_normal_force
+from .run_checks import check_precision
+
+TOLERANCE = 1e-11
+STEPS_A_CONTACT = 500
+LONGEST = 100.0
+"""Longest duration of a contact, s."""
+INSIDE = 1e-300
+"""Depth in m at the start: the contact has begun, also for a law whose force jumps at zero."""
+
+
+@dataclass(frozen=True)
+class FreeImpact:
+    """Result of the impact of a free mass on a wall.
+
+    `restitution`: rebound speed over entry speed; `peak_force` in N; `largest_penetration` in m;
+    `duration` of the force in s.
+
+    >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
+    >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
+    0.8329, 265.8 N
+    """
+
+    restitution: float
+    peak_force: float
+    largest_penetration: float
+    duration: float
+
+
+def free_impact(
+    law: AbstractContactLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    clearance: float | None = None,
+) -> FreeImpact:
+    """Simulate the impact of a free mass (kg) on a wall at an entry speed (m/s).
+
+    **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
+
+    **Raises:** `ValueError` if the mass does not leave the wall within 100 s, or if JAX computes in
+    32 bits.
+
+    >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
+    >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
+    100.00 N in 3.142 ms
+    """
+    check_precision(allow_float32=False)
+    wall = (bearing_radius, clearance)
+    mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
+    whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))
+    times = np.asarray(whole.ts)
+    duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
+    require(
+        bool(whole.result == diffrax.RESULTS.event_occurred),
+        "law",
+        law,
+        f"one from which a mass rebounds at {entry_speed} m/s",
+        "raise the entry speed or the law's floor on it",
+    )
+    # A second run with shorter steps, for the peaks between steps.
+    fine = _contact(law, *mass_and_speed, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
+    finite = np.isfinite(np.asarray(fine.ts))
+    depth, rate = np.asarray(fine.ys)[finite].T
+    gap = Gap(depth, rate, *wall)
+    force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
+    return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
+
+
+@Compiled
+def _contact(
+    law: AbstractContactLaw,
+    mass: Scalar,
+    entry_speed: Scalar,
+    bearing_radius: float | None,
+    clearance: float | None,
+    longest_step: Scalar,
+) -> diffrax.Solution:
+    def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
+        del t, args
+        gap = Gap(y[0], y[1], bearing_radius, clearance)
+        return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
+
+    gap = jnp.asarray(law.onset_offset(), dtype=float)
+    leaving = diffrax.Event(
+        lambda t, y, args, **_: y[0] + gap,
+        optimistix.Newton(TOLERANCE, 1e-16),
+        direction=False,
+    )
+    return diffrax.diffeqsolve(
+        diffrax.ODETerm(rates),
+        diffrax.Dopri8(),
+        0.0,
+        LONGEST,
+        1e-9,
+        jnp.stack([INSIDE - gap, entry_speed]),
+        event=leaving,
+        throw=False,
+        max_steps=16384,
+        saveat=diffrax.SaveAt(steps=True, t1=True),
+        stepsize_controller=diffrax.PIDController(TOLERANCE, 1e-18, dtmax=longest_step),
+    )
+
+
+def _crest(values: np.ndarray) -> float:
+    """Return the largest value, by a parabola through the largest sample and its neighbours."""
+    k = int(np.clip(np.argmax(values), 1, len(values) - 2))
+    return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])

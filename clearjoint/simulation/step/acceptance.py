@@ -1,0 +1,209 @@
+"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed."""
+
+from typing import Any, TypeAlias
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Bool
+
+from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
+from ...dynamics.contact_events import ContactGaps, changes, time_since_onset, too_deep
+from ...dynamics.system import System
+from ...fields.types import Single
+from ...math.vectors import Condition, Scalar
+from ...result_codes import RESULTS
+from .discontinuity_monitor import has_undeclared_jump, may_have_undeclared_jump
+from .step_length import (
+    length_after_breakpoints,
+    lengths_after_contacts,
+    magnitudes,
+    with_relative_bristles,
+)
+from .step_state import Method, Proposal, Step, Variables, choose
+from .trial_step import Trial, error_order, may_jump, slopes_may_jump
+
+Flag: TypeAlias = Bool[Any, ""]
+"""A condition as diffrax annotates it."""
+
+DRIVER_TOLERANCE = 3.0
+"""Allowed mismatch between a driver's change over a step and the integral of its rates, in relative
+tolerances of the step."""
+FIXED_STEPS_RTOL = 1e-6
+"""Relative tolerance for drivers if the controller has none, as in runs with fixed steps."""
+SHORTER = 0.2
+"""Length of the next trial relative to one over which a driver was not smooth."""
+
+
+class StepDecision(eqx.Module):
+    """Whether a trial is accepted, the step to try next, and the result code of the run so far."""
+
+    keep: Condition
+    proposal: Proposal
+    result: RESULTS
+
+
+class _ControllerDecision(eqx.Module):
+    """Outputs of the step-size controller for a trial, by diffrax's names."""
+
+    keep: Flag
+    t_next: Single
+    made_jump: Flag
+    controller_state: object
+    result: diffrax.RESULTS
+
+
+def decide_step(
+    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps, t_end: Scalar
+) -> StepDecision:
+    """Decide what happens to a trial that ends with the contact gaps `after`.
+
+    The step-size controller decides first. A trial that it accepts is still rejected if a driver is
+    not smooth over it, or if it passes a contact event on which it must land; it is then repeated
+    with a shorter step or up to the event.
+    """
+    t1, last = trial.t1, step.proposal
+    decision = _controller_decision(method, system, step, trial)
+    keep, t_next = decision.keep, decision.t_next
+    controller_state = decision.controller_state
+
+    # 1. Drivers. The equations of motion use only second rates of a driver, at the stages. A kink
+    # or jump between stages leaves no trace in the error estimate, so it is checked separately. One
+    # that no breakpoint declares is approached in shorter and shorter steps, until `_result` stops
+    # the run.
+    rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
+    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
+    refused: Condition | None = None
+    if smooth is not None:
+        repeats: Condition = keep & ~smooth
+        refused, keep = repeats, keep & smooth
+        t_next = jnp.where(repeats, step.t + SHORTER * (t1 - step.t), t_next)
+        # The controller took the trial for accepted. Its state before the trial is restored, or its
+        # history of errors would contain a step that was never made.
+        controller_state = choose(repeats, last.controller_state, controller_state)
+
+    # 2. Length of the next step. The controller counts in its own time variable, in which the error
+    # is smooth; the time map converts its proposal to seconds.
+    full_length = t_next - jnp.where(keep, t1, step.t)
+    if trial.time_map is not None:
+        full_length = trial.time_map.next_length(full_length, keep)
+
+    # 3. Contact events. A step past an event was computed with the wrong set of closed contacts; it
+    # is repeated up to the event. Without contacts only breakpoints can have cut the step short.
+    begins_contact, entry_length = last.begins_contact, last.entry_length
+    if method.landing is not None and after:
+        passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
+        lands = keep & passes
+        controller_state = choose(lands, last.controller_state, controller_state)
+        keep = keep & jnp.logical_not(passes)
+        full_length, begins_contact, entry_length = lengths_after_contacts(
+            step, after, t1, keep, lands, full_length
+        )
+        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + full_length)
+    elif breakpoints(system.scene):
+        full_length = length_after_breakpoints(step, t1, keep, full_length)
+        t_next = jnp.where(keep, t1, step.t) + full_length
+
+    # 4. Whether the next step can reuse the rates at the end of this one. After a rejection the
+    # start of the step is the same, so the flag stays.
+    jumps = may_jump(method, system.scene)
+    if slopes_may_jump(method, system.scene):
+        jumps = changes(step.contact_gaps, after)
+    made_jump = jnp.where(keep, decision.made_jump | jumps, last.made_jump)
+
+    result = _result(system, step, trial, keep, refused, t_next, decision.result, after, t_end)
+    if trial.tangents is not None and may_have_undeclared_jump(system.scene):
+        # States stay right across a jump that nobody declared; derivatives do not.
+        jumps = keep & has_undeclared_jump(method, system, step, trial, after)
+        result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+    proposal = Proposal(
+        t_next=t_next,
+        full_length=full_length,
+        begins_contact=begins_contact,
+        time_since_onset=_time_since_onset(step, after, t1, keep),
+        entry_length=entry_length,
+        made_jump=made_jump,
+        controller_state=controller_state,
+    )
+    return StepDecision(keep, proposal, result)
+
+
+def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Condition) -> Scalar | None:
+    """Return `Proposal.time_since_onset` after a trial that ends with the contact gaps `after`."""
+    since = step.proposal.time_since_onset
+    if since is None:
+        return None
+    latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
+    return jnp.where(keep, latest, since)
+
+
+def _controller_decision(
+    method: Method, system: System, step: Step, trial: Trial
+) -> _ControllerDecision:
+    """Ask the step-size controller, with the errors of state and derivatives together.
+
+    Errors of derivatives count in tolerances of the state times `derivative_tolerance`.
+    """
+
+    def scaled(y: Variables) -> Variables:
+        return with_relative_bristles(y, system.scene)
+
+    before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
+    error = scaled(trial.outcome.error)
+    if trial.tangents is not None:
+        assert step.tangents is not None and method.derivative_tolerance is not None
+        tolerance = method.derivative_tolerance
+        before = before, magnitudes(scaled(step.tangents.y))
+        after = after, magnitudes(scaled(trial.tangents.y))
+        error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+    keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
+        step.t,
+        trial.t1,
+        before,
+        after,
+        (system, step.entry_speeds),
+        error,
+        error_order(method),
+        step.proposal.controller_state,
+    )
+    return _ControllerDecision(keep, t_next, made_jump, state, result)
+
+
+def _result(
+    system: System,
+    step: Step,
+    trial: Trial,
+    keep: Condition,
+    refused: Condition | None,
+    t_next: Scalar,
+    controller_result: diffrax.RESULTS,
+    after: ContactGaps,
+    t_end: Scalar,
+) -> RESULTS:
+    """Return the result code of the run after a trial; a later check overrides an earlier one.
+
+    **Arguments:** `keep`: whether the trial is accepted; `refused`: whether it was rejected because
+    of a driver, ``None`` without drivers; `t_next`: s, end of the step proposed next.
+    """
+    now = jnp.where(keep, trial.t1, step.t)
+    eps = jnp.finfo(now.dtype).eps
+    # A step shorter than the spacing of the numbers at its start makes no progress. At t = 0 that
+    # spacing is zero; there the time that remains sets the scale.
+    resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))
+    stuck = (t_next - now <= resolution) & (now < t_end)
+    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
+        controller_result != diffrax.RESULTS.successful
+    )
+    result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
+    if after:
+        result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
+    if refused is not None:
+        # Steps that shrink to nothing at a driver mean a kink or jump in it, not a stiff force.
+        result = RESULTS.where(stuck & refused, RESULTS.not_followed, result)
+    time = one_sided_time(system, step.t, trial.t1)
+    violated = system.constraints_violated(trial.outcome.y.motion, time)
+    if violated is not None:
+        result = RESULTS.where(keep & violated, RESULTS.not_followed, result)
+    result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
+    return RESULTS.where(gave_up, RESULTS.solver_failed, result)

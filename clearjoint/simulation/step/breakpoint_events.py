@@ -1,0 +1,149 @@
+"""State at a breakpoint: velocity jumps prescribed by drivers, and derivatives across breakpoints.
+
+As in `.saltation`, the state at the end of a step that lands on a breakpoint is corrected by the
+change of the rates there, times the time since the breakpoint. This time is zero to rounding, but
+has a derivative along everything on which the breakpoint depends. Where the angle of a driver has a
+kink, velocities jump by an impulse of the constraints, to the nearest velocities in the metric of
+the mass matrix.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.breakpoints import breakpoints, one_sided_time, since_breakpoints
+from ...dynamics.contact_forces import EntrySpeeds
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar
+from ...model.bodies import NO_WRENCH, Wrench
+from ...model.joints.base import AbstractForce, Motions
+from ...model.scene import Scene
+from .step_state import Variables
+from .trial_step import rates_of
+
+T = TypeVar("T")
+
+
+class SwitchedForce(AbstractForce):
+    """Force interpolated between its values at two times: `force(before) + share * (force(after) -
+    force(before))`."""
+
+    force: AbstractForce
+    before: Scalar
+    after: Scalar
+    share: Scalar
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the bodies that the force acts on."""
+        return self.force.body_names()
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the interpolated wrenches on the bodies; `t` is not used."""
+        del t
+        old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
+        return {
+            name: self._between(old.get(name, NO_WRENCH), new.get(name, NO_WRENCH))
+            for name in {**old, **new}
+        }
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the interpolated power, W; `t` is not used."""
+        del t
+        return self._between(
+            *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
+        )
+
+    def _between(self, old: T, new: T) -> T:
+        return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
+
+
+def across_breakpoints(
+    system: System,
+    start: Scalar,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    t: Scalar,
+    keep: Condition,
+) -> Variables:
+    """Return the variables at the end of a step, corrected if it lands on breakpoints.
+
+    **Arguments:** `start`, `t`: s, start and end of the step; `y`: the variables at its end;
+    `entry_speeds`: m/s, at its start; `keep`: whether it is accepted.
+    """
+    scene = system.scene
+    since = since_breakpoints(system, start, t)
+    joints = {name: since[name] for name in scene.joints if name in since}
+    forces = {name: since[name] for name in scene.forces if name in since}
+    before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
+
+    def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
+        between = _with_shares(system, before, after, shares)
+        return jax.tree.map(jnp.asarray, rates_of(between, y, entry_speeds, time))
+
+    none = {name: jnp.zeros(()) for name in forces}
+
+    def corrected(y: Variables) -> Variables:
+        if joints:
+            # Back to the breakpoint with the old rates, the velocity jump there, and forward again
+            # with the new rates. The time is zero to rounding; its derivative is what counts.
+            time = _mean_time(joints)
+            y = _moved_on(y, rates(none, y, before), -time)
+            y = _past_kink(_with_shares(system, before, after, none), y, after - time)
+            y = _moved_on(y, rates(none, y, after), time)
+        if forces:
+            # As in `across_contacts`: the derivative along the shares is the change of the rates.
+            times = {name: time for name, (_, time) in forces.items()}
+            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
+        return y
+
+    lands: Condition = jnp.asarray(False)
+    for lands_on_own, _ in since.values():
+        lands = lands | lands_on_own
+    return jax.lax.cond(keep & lands, corrected, lambda y: y, y)
+
+
+def _with_shares(
+    system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
+) -> System:
+    """Return the system with each force in `shares` as a `SwitchedForce` of that share."""
+    sides = system.clock(before), system.clock(after)
+    forces = {
+        name: SwitchedForce(force, *sides, shares[name]) if name in shares else force
+        for name, force in system.scene.forces.items()
+    }
+    return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
+
+
+def _mean_time(since: dict[str, tuple[Condition, Scalar]]) -> Scalar:
+    """Return the mean time since the breakpoints that a step lands on, s.
+
+    Drivers with breakpoints at the same instant are assumed to change together.
+    """
+    count = sum(jnp.asarray(lands, float) for lands, _ in since.values())
+    return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
+
+
+def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
+    return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
+
+
+def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
+    """Return the variables with velocities projected onto the constraints as they are from t on.
+
+    The kinetic energy that the impulse of the constraints adds is booked as supplied.
+    """
+    motion = system.project_velocities(y.motion, t)
+    work = y.work
+    if "supplied" in work:
+        after, before = (system.energies(at, t)["kinetic"] for at in (motion, y.motion))
+        work = {**work, "supplied": work["supplied"] + (after - before)}
+    return replace(y, motion=motion, work=work)
+
+
+def joints_have_breakpoints(scene: Scene) -> bool:
+    """Whether velocities may jump at a breakpoint: a force alone cannot make them."""
+    return any(name in scene.joints for name in breakpoints(scene))

@@ -1,0 +1,170 @@
+"""Detect undeclared discontinuities by inspecting an element's jaxpr for comparisons.
+
+A force that is switched on at t_s is constant before and after. The derivative along t_s does not
+pass through the comparison, and no run shows that it is missing. Therefore the traced program of
+each element is searched for operations that compare, round or clip a number that depends on time,
+or on the motion.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax.core import AbstractValue, ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jaxtyping import PyTree
+
+from ...compilation import program_of
+from ...fields.caching import cached_by_numbers
+from ...fields.checks import require
+from ...math.vectors import Matrix, Scalar, Vector, unpack
+from ...model.bodies import GROUND, Motion
+from ...model.drives.functions_of_time import AbstractFunctionOfTime
+from ...model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
+from ...model.scene import Scene
+
+JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
+"""Primitives with a discontinuous real result. Primitives without a real result, such as
+comparisons, are treated the same."""
+KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
+"""Primitives with a jump or a kink."""
+
+
+def require_declared(scene: Scene) -> None:
+    """Check that every element that compares numbers with time declares its breakpoints.
+
+    **Raises:** `ValueError` that names the first element that does not.
+    """
+    elements = {"joints": scene.joints, "forces": scene.forces}
+    for family, members in elements.items():
+        for name, element in members.items():
+            for function in _undeclared_functions_of_time(element):
+                require(
+                    not _function_compares_time(function),
+                    f"scene.{family}[{name!r}]",
+                    type(function).__name__.strip("_"),
+                    "a function smooth in time, or one that declares its breakpoints, for "
+                    "derivatives to be right",
+                    "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
+                    "AbstractFunctionOfTime with a method `breakpoints` that returns the times in "
+                    "s at which it jumps or has a kink",
+                )
+            silent = type(element).breakpoints is AbstractElement.breakpoints
+            require(
+                not (silent and _packed_element_compares_time(element)),
+                f"scene.{family}[{name!r}]",
+                type(element).__name__,
+                "smooth in time, or declare its breakpoints, for derivatives to be right",
+                "give its class a method `breakpoints` that returns the times in s at which it "
+                "jumps or has a kink, or () if there are none",
+            )
+
+
+def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
+    """Return the functions of time in an element whose class does not define `breakpoints`."""
+    parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
+    functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
+    silent = AbstractFunctionOfTime.breakpoints
+    return [function for function in functions if type(function).breakpoints is silent]
+
+
+@cached_by_numbers
+def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
+    """Whether the value of a function of time, in packed form, depends on a comparison with
+    time."""
+    program = program_of(unpack(function), 0.0)[0].jaxpr
+    return _branches(_needed(program), {program.invars[0]}, KINKED)
+
+
+@cached_by_numbers
+def _packed_element_compares_time(element: AbstractElement) -> bool:
+    """`compares_time` of an element in packed form."""
+    return compares_time(unpack(element))
+
+
+def compares_time(element: AbstractElement) -> bool:
+    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
+    with time."""
+    program = _program_of_element(element)
+    return _branches(_needed(program), {program.invars[0]}, KINKED)
+
+
+def may_jump_by_motion(element: AbstractElement) -> bool:
+    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
+    of positions or velocities. They may jump there; whether they do is not known."""
+    program = _program_of_element(element)
+    return _branches(_needed(program), {program.invars[1]}, JUMPING)
+
+
+def _program_of_element(element: AbstractElement) -> Jaxpr:
+    """Trace an element as a function of two inputs: time, and one number that stands for every
+    component of the motion."""
+
+    def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
+        vector = Vector(number, number, number)
+        motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
+        return _outputs(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+
+    return program_of(outputs, 0.0, 1.0)[0].jaxpr
+
+
+def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
+    """Return what the equations of motion use of an element. The value of a constraint is not among
+    it: constraints enter by their rates."""
+    if isinstance(element, AbstractForce):
+        return element.wrenches(motions, t)
+    assert isinstance(element, AbstractConstraint | AbstractContactJoint)
+    rows = element.rows(motions, t).values()
+    return [(row.jacobian, row.bias, row.time_rate) for row in rows]
+
+
+def _needed(program: Jaxpr) -> list[JaxprEqn]:
+    """Return the equations on which the results depend, in order.
+
+    Others are dead code, such as the comparisons of a constraint's value.
+    """
+    wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
+    for equation in reversed(program.eqns):
+        if not wanted.isdisjoint(equation.outvars):
+            needed.append(equation)
+            wanted.update(v for v in equation.invars if not isinstance(v, Literal))
+    return needed[::-1]
+
+
+def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:
+    """Whether a comparison or one of the `primitives` is applied to a variable that depends on one
+    of `causes`."""
+    causes = set(causes)
+    for equation in equations:
+        which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
+        if not any(which):
+            continue
+        real = all(_is_real(v.aval) for v in equation.outvars)
+        if equation.primitive.name in primitives or not real:
+            return True
+        for inner in _inner_programs(equation):
+            # Arguments correspond one to one for calls. For loops and conditionals the assignment
+            # differs by primitive; all inner arguments then count as dependent.
+            passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
+            inner_causes = {v for v, depends in zip(inner.invars, passed, strict=True) if depends}
+            if _branches(_needed(inner), inner_causes, primitives):
+                return True
+        causes.update(equation.outvars)
+    return False
+
+
+def _is_real(value: AbstractValue) -> bool:
+    return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
+
+
+def _inner_programs(equation: JaxprEqn) -> list[Jaxpr]:
+    """Return the programs in the parameters of an equation, such as the body of a loop."""
+    leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
+    return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
+
+
+def _is_program(part: object) -> bool:
+    return isinstance(part, Jaxpr | ClosedJaxpr)

@@ -1,0 +1,93 @@
+"""Check accepted steps of runs with derivatives for undeclared jumps of user-defined forces.
+
+Where a torque jumps at an angle, the derivatives of the motion have a term for the shift of the
+instant (the saltation matrix, see `.saltation`). Contact laws declare such events. A user-defined
+element cannot, and a step across its jump looks like any other. Therefore each accepted step of a
+scene with an element that may jump is checked: a change of the rates larger than the slopes at both
+ends allow is reported as a discontinuity.
+"""
+
+from collections.abc import Iterator
+from functools import reduce
+from operator import or_
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.contact_events import ContactGaps
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar
+from ...model.joints.base import AbstractContactJoint
+from ...model.scene import Scene
+from .discontinuity_analysis import may_jump_by_motion
+from .saltation import any_changes
+from .step_state import Method, Step
+from .trial_step import Trial, term_of
+
+PACKAGE = __name__.split(".")[0] + "."
+STEEPEST = 4.0
+"""Largest change of a smooth rate over a step, relative to the sum of the changes that its slopes
+at both ends predict. For a smooth rate the change is half of that sum, up to a third derivative
+that the tolerances keep small."""
+SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
+"""Smallest jump that is reported, relative to the rate that jumps and to the largest of all
+rates."""
+
+
+def may_have_undeclared_jump(scene: Scene) -> bool:
+    """Whether a scene has an element, or part of one, of a class from outside this package whose
+    force compares numbers of the motion."""
+    elements = [*scene.joints.values(), *scene.forces.values()]
+    return any(
+        isinstance(element, AbstractContactJoint) or may_jump_by_motion(element)
+        for element in elements
+        if any(not type(part).__module__.startswith(PACKAGE) for part in _modules(element))
+    )
+
+
+def has_undeclared_jump(
+    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
+) -> Condition:
+    """Whether any rate of the motion jumps within a trial step that ends with the contact gaps
+    `after`.
+
+    Steps end at breakpoints and at contact events, so these are not inside the step. At the onset
+    or end of a contact with a force that jumps the check is skipped.
+    """
+    term, fixed = term_of(method, step), (system, step.entry_speeds)
+
+    def rates(t: Scalar, motion: object) -> object:
+        y = eqx.tree_at(lambda y: y.motion, step.y, motion)
+        return term.vf(t, y, fixed).motion
+
+    # Slopes are taken along the secant of the step, from its start to its end, at both ends. A
+    # smooth rate changes by about the mean of both slopes.
+    start, end = step.y.motion, trial.outcome.y.motion
+    change = trial.t1 - step.t, jax.tree.map(jnp.subtract, end, start)
+    early, early_change = jax.jvp(rates, (step.t, start), change)
+    late, late_change = jax.jvp(rates, (trial.t1, end), change)
+    leaves = [jax.tree.leaves(tree) for tree in (early, late, early_change, late_change)]
+    magnitudes = [jnp.maximum(jnp.abs(a), jnp.abs(b)) for a, b in zip(*leaves[:2], strict=True)]
+    # Rounding of the largest rate reaches all others through the mass matrix.
+    largest = reduce(jnp.maximum, [jnp.max(size) for size in magnitudes])
+    jumps = [
+        jnp.any(
+            jnp.abs(b - a)
+            > STEEPEST * (jnp.abs(da) + jnp.abs(db)) + SMALLEST * size + NEGLIGIBLE * largest
+        )
+        for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
+    ]
+    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, after)
+
+
+def _modules(part: object) -> Iterator[eqx.Module]:
+    """Yield a module and all modules within it."""
+    if isinstance(part, eqx.Module):
+        yield part
+        part = vars(part)
+    if isinstance(part, dict):
+        part = list(part.values())
+    if isinstance(part, list | tuple):
+        for inner in part:
+            yield from _modules(inner)

@@ -1,0 +1,169 @@
+"""Landing of steps on contact events: the instants where a contact begins or ends.
+
+A step that starts in flight and ends deeper than the landing tolerance is rejected, and repeated up
+to the root of the gap's cubic Hermite interpolant; likewise a step that leaves a contact. Gaps and
+entry speeds are defined in `clearjoint.dynamics.contact_events`.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, gap_pairs
+from ...math.groups import min_
+from ...math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
+from ...math.vectors import Condition, Scalar
+from ...model.joints.base import ByLabel
+
+LATEST = 1e-11
+"""s: a step must land within this time past an event, at the rate of the gap there. The penetration
+at the landing holds elastic energy that no work supplied, and a slow impact may not even reach the
+depth of the landing tolerance."""
+CLOSEST = 1e-4
+"""Smallest depth that is asked of a landing, in landing tolerances: gaps are subject to rounding,
+however slow the contact."""
+
+
+class Landing(eqx.Module):
+    """Landing on the instants where contacts begin and end.
+
+    **Arguments:** `tolerance`: m, the depth within which a step must land. For slow contacts the
+    depth is smaller, in proportion to their rate.
+    """
+
+    tolerance: Scalar
+
+    def _depth(self, rate: Scalar) -> Scalar:
+        """Return the depth in m within which to land at a rate in m/s."""
+        return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
+
+    def time_to_next_event(
+        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
+    ) -> Scalar:
+        """Predict the time to the next event, s, from gaps, rates and second rates (m/s^2).
+
+        A step that would pass the event is shortened to it in advance. This saves rejected trials:
+        one far past a wall can have a very large error, and would be cut several times.
+        """
+        return self._soonest(contact_gaps, second_rates, ends_only=False)
+
+    def time_to_contact_end(
+        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
+    ) -> Scalar:
+        """Predict the time until the first contact ends, s; infinite if none is about to end."""
+        return self._soonest(contact_gaps, second_rates, ends_only=True)
+
+    def _soonest(
+        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar], ends_only: bool
+    ) -> Scalar:
+        soonest: Scalar = jnp.inf
+        for name, family in contact_gaps.items():
+            for label, gap in family.items():
+                time = self._time_to_zero(gap, second_rates[name][label])
+                if ends_only:
+                    time = jnp.where(gap.depth > 0.0, time, jnp.inf)
+                soonest = jnp.minimum(soonest, min_(time))
+        # Step sizes are not differentiated: the solution does not depend on them.
+        return jax.lax.stop_gradient(soonest)
+
+    def _time_to_zero(self, gap: ContactGap, second_rate: Scalar) -> Scalar:
+        """Return the first positive root of the gap's parabola in time, s; infinite without one.
+
+        The parabola is shifted so that the root is half the landing depth past the change of sign:
+        rounding then does not leave the step on the wrong side of the event.
+        """
+        inwards = _inwards(gap)
+        # In the direction towards the event: `away` is the distance, `rate` and `bend` speed and
+        # acceleration. The event is at away = rate t + bend t^2 / 2.
+        away = 0.5 * self._depth(gap.rate) + jnp.abs(gap.depth)
+        rate, bend = inwards * gap.rate, inwards * second_rate
+        square = rate * rate + 2.0 * bend * away
+        # t = 2 away / (rate + sqrt(square)) is the smaller root, without cancellation for small
+        # bends. Where there is no root, the square root gets 1 so that derivatives stay finite.
+        slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        meets = (square > 0.0) & (slope > 0.0)
+        return jnp.where(meets, 2.0 * away / jnp.where(meets, slope, 1.0), jnp.inf)
+
+    def retry(
+        self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
+    ) -> tuple[Condition, Scalar]:
+        """Return whether a step from t0 to t1 passes an event by more than the tolerance, and the
+        time in s at which to end it instead.
+
+        **Arguments:** `before`, `after`: the contact gaps at its start and end.
+        """
+        h = t1 - t0
+        resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
+        # Few steps pass an event. A single run therefore computes the roots in a branch; lanes of a
+        # batch compute them always.
+        fraction = jax.lax.cond(
+            _may_pass(before, after),
+            lambda: self._first_crossing(before, after, h),
+            lambda: jnp.ones_like(h),
+        )
+        # As in diffrax's controllers, step sizes are not differentiated.
+        landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
+        # An event within rounding of the end of the step counts as landed on; a retry would end at
+        # the same time.
+        return (fraction < 1.0) & (landing < t1 - resolution), landing
+
+    def _first_crossing(self, before: ContactGaps, after: ContactGaps, h: Scalar) -> Scalar:
+        """Return the smallest `_crossing` of all contacts."""
+        fraction = jnp.ones_like(h)
+        for start, end in gap_pairs(before, after):
+            fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
+        return fraction
+
+    def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
+        """Return the fraction of the step at which the gap is half the landing depth past its
+        change of sign; 1 if the step need not land."""
+        inwards = _inwards(start)
+        # If the gap turns back within the step, its turning point replaces the end of the step:
+        # the event is between the start and there.
+        grazes, x, inner = self._turning(start, end, h, inwards)
+        end = ContactGap(
+            jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
+        )
+        depth = self._depth(jnp.maximum(jnp.abs(start.rate), jnp.abs(end.rate)))
+        # The target is inside the tolerance, so that the error of the interpolant may fall on
+        # either side of it.
+        aim = 0.5 * inwards * depth
+        shifted = (Slope(start.depth - aim, start.rate), Slope(end.depth - aim, end.rate))
+        passes = inwards * end.depth > depth
+        length = jnp.where(grazes, x, 1.0)
+        return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
+
+    def _turning(
+        self, start: ContactGap, end: ContactGap, h: Scalar, inwards: Scalar
+    ) -> tuple[Scalar, Scalar, ContactGap]:
+        """Return whether the gap passes an event and returns within the step; the fraction of the
+        step at which it turns; and the gap there.
+
+        Signs at both ends agree in this case, so a check of the ends alone would miss the contact.
+        """
+        turns = _turns(start, end)
+        # Zero of the rate, interpolated linearly; its error matters little at an extremum.
+        x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
+        ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
+        inner = ContactGap(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
+        beyond = inwards * inner.depth > self.tolerance
+        return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
+
+
+def _inwards(gap: ContactGap) -> Scalar:
+    """Return the sign that the depth will have after its next event."""
+    return jnp.where(gap.depth > 0.0, -1.0, 1.0)
+
+
+def _turns(start: ContactGap, end: ContactGap) -> Condition:
+    """Whether a gap moves towards zero at the start of a step, and away from it at the end."""
+    inwards = _inwards(start)
+    return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
+
+
+def _may_pass(before: ContactGaps, after: ContactGaps) -> Condition:
+    """Whether the depth of any contact may change sign within a step."""
+    return any_of(
+        ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
+        for start, end in gap_pairs(before, after)
+    )

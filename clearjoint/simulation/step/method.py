@@ -1,0 +1,72 @@
+"""Numerical scheme of a run: integration method and formulation of the equations of motion."""
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from ...dynamics.formulation import Formulation
+from ...dynamics.system import System
+from ...fields.caching import cached_by_numbers
+from ...math.vectors import ConstantFolded, unpack
+from ...model.scene import Scene
+from .landing import Landing
+from .settings import Settings
+from .solvers import default_controller, ready_solver
+from .step_state import Method
+
+
+class Scheme(eqx.Module):
+    """Integration method and formulation, both independent of the scene."""
+
+    method: Method
+    formulation: Formulation
+
+    @staticmethod
+    def of(settings: Settings, redundant: bool = False) -> "Scheme":
+        """Return the scheme of some settings; `redundant`: whether constraints depend on each
+        other, unless the settings specify it."""
+        redundant = redundant if settings.redundant is None else settings.redundant
+        choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
+        rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
+        atol = rtol * 1e-5 if atol is None else atol
+        controller = settings.controller
+        method = Method(
+            ready_solver(settings.solver, rtol, atol),
+            default_controller(rtol, atol) if controller is None else controller,
+            None if tolerance is None else Landing(tolerance),
+        )
+        return _with_arrays(Scheme(method, Formulation(*choices)))
+
+    @staticmethod
+    def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
+        """Return the same with NumPy numbers, cached for equal settings."""
+        return _on_host(vars(settings), redundant)
+
+    def system(self, scene: Scene) -> System:
+        """Return the system to integrate for a scene in scalar form."""
+        return System.of(scene, self.formulation)
+
+    def unpacked(self, folded_scene: ConstantFolded) -> System:
+        """Return the system to integrate for a scene in packed form."""
+        return self.system(unpack(folded_scene))
+
+
+@cached_by_numbers
+def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
+    return jax.device_get(Scheme.of(Settings(**settings), redundant))
+
+
+def _with_arrays(scheme: Scheme) -> Scheme:
+    """Return the scheme with its floats as arrays, so that changing one does not recompile.
+
+    Zeros remain Python numbers: the controller leaves out the terms of zero coefficients.
+    """
+    return jax.tree.map(
+        lambda leaf: jax.device_put(leaf) if _is_number(leaf) else leaf,
+        scheme,
+    )
+
+
+def _is_number(leaf: object) -> bool:
+    return isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)

@@ -1,0 +1,97 @@
+"""Checks of the start and end time of a run, and of times within it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...fields.checks import as_number, as_shown, checkable, require
+from ...fields.types import ArrayLike, Column
+from ...math.vectors import Scalar
+
+ROUNDINGS = 4.0
+"""Tolerance for times outside of a span, in units of rounding: sums of steps and single precision
+have them."""
+SHORTEST = 1e10
+"""Smallest span, in smallest normal numbers. Processors flush smaller numbers to zero, which the
+first steps of a shorter span would have as lengths."""
+
+
+def check_span(start: Scalar, end: Scalar) -> None:
+    """Check the start and end time of a run, s.
+
+    **Raises:** `ValueError` if the end is not finite and after the start.
+    """
+    for name, value in (("start_time", start), ("end_time", end)):
+        number = np.shape(as_number(value, name, "s")) == ()
+        require(number, name, value, "a single number", "pass one time in s")
+    if (known := checkable(start, end)) is not None:
+        first, last = known
+        require(
+            (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first),
+            "end_time",
+            end,
+            f"finite and after start_time = {as_shown(start)}",
+            "give times in s",
+        )
+        shortest = SHORTEST * float(jnp.finfo(float).tiny)
+        require(
+            last - first >= shortest,
+            "end_time",
+            end,
+            f"at least {shortest:.1g} s after start_time = {as_shown(start)}",
+            "give times in s; shorter spans are zero to the processor",
+        )
+
+
+def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
+    """Check times within a run between `start` and `end`, s.
+
+    **Arguments:** `argument`: the name of the times in error messages.
+
+    **Returns:** the times in double precision, (N,). Times outside of the span by rounding only are
+    clipped to it.
+
+    **Raises:** `ValueError` for times that decrease or are outside.
+    """
+    row = check_rising(times, argument)
+    if (known := checkable(row, start, end)) is not None:
+        row, first, last = known
+        room = rounding(start, end, times)
+        require(
+            (row[0] >= first - room) & (row[-1] <= last + room),
+            argument,
+            [row[0], row[-1]],
+            f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}",
+            "leave out the times outside",
+        )
+        return row.astype(float).clip(first, last)
+    return row
+
+
+def check_rising(times: ArrayLike, argument: str) -> Column:
+    """Check that times do not decrease, and return them as an array, (N,).
+
+    **Raises:** `ValueError` for times that decrease.
+    """
+    row = as_number(times, argument, "s")
+    expected = "a rising one-dimensional array of finite times"
+    remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
+    require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
+    if (known := checkable(row)) is None:
+        return row
+    (row,) = known
+    fine = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
+    require(fine, argument, row, expected, remedy)
+    return row
+
+
+def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
+    """Return how far times may be outside of a span by rounding alone, s, in the coarsest of the
+    floating-point types of the arguments."""
+    precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
+    return ROUNDINGS * precision * (abs(start) + abs(end))
+
+
+def _float_type(value: ArrayLike) -> np.dtype:
+    kind = value.dtype if isinstance(value, jax.Array) else np.asarray(value).dtype
+    return kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)

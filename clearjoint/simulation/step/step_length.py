@@ -1,0 +1,119 @@
+"""Length of steps between events, and the magnitudes that errors are compared with."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ...dynamics.breakpoints import next_breakpoint
+from ...dynamics.bristles import full_deflections
+from ...dynamics.contact_events import ContactGaps, begins
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar, Vector
+from ...model.bodies import BodyState
+from ...model.scene import Scene
+from .step_state import Method, Proposal, Step, Variables
+
+CUT = 0.99
+"""A step shorter than this part of its full length counts as cut short by an event."""
+
+
+def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
+    """Return the end of the next trial, s: its proposed end, or the next breakpoint, event or end
+    of the run if that is earlier."""
+    t1 = jnp.minimum(step.proposal.t_next, t_end)
+    breakpoint = next_breakpoint(system, step.t)
+    if breakpoint is not None:
+        t1 = jnp.minimum(t1, breakpoint)
+    if method.landing is None or not step.contact_gaps:
+        return t1
+    # An event closer than the spacing of times cannot be landed on; the step must still advance.
+    resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
+    time_to_event = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
+    return jnp.minimum(t1, step.t + jnp.maximum(time_to_event, resolution))
+
+
+def lengths_after_contacts(
+    step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
+) -> tuple[Scalar, Condition, Scalar]:
+    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
+
+    **Arguments:** `after`: the contact gaps at t1; `keep`: whether the step up to t1 is accepted;
+    `lands`: whether it is repeated up to an event instead; `proposed`: s, the controller's length
+    for the next step.
+    """
+    last = step.proposal
+    length_tried = t1 - step.t
+    # The small error of a step that an event cut short is no measure for the next step. The next
+    # step continues with the full length of the one that was cut.
+    is_cut = length_tried < CUT * last.full_length
+    begins_contact = begins(step.contact_gaps, after)
+    # Contact needs much shorter steps than flight. The length that was accepted after the last
+    # onset is remembered, and after the next onset at most twice of it is tried.
+    entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
+    length = _uncut(last, is_cut, proposed)
+    length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
+    full_length = jnp.where(lands, last.full_length, jnp.where(keep, length, proposed))
+    return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
+
+
+def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
+    """Return `full_length` of the next `Proposal` in a scene with breakpoints but no contacts."""
+    is_cut = t1 - step.t < CUT * step.proposal.full_length
+    return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
+
+
+def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
+    return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
+
+
+def magnitudes(y: Variables) -> Variables:
+    """Return the numbers to which the step-size controller relates the errors of the variables.
+
+    The result has the structure and units of `y`. The sign of a number has no meaning, because the
+    controller takes its absolute value.
+
+    - Positions and velocities of bodies: the largest absolute component of the vector, for all
+      three components.
+    - Bristle deflections: the absolute value, but at least 1.
+    - All other variables: the variable itself.
+
+    **Arguments:** `y`: variables, with bristle deflections from `with_relative_bristles`.
+    """
+
+    def largest_component(vector: Vector) -> Vector:
+        size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
+        return Vector(size, size, size)
+
+    # A journal that rolls along the wall hardly moves along one axis. If its error were relative to
+    # that small component, runs would take a third more steps without being more accurate, and the
+    # number of steps would depend on the directions of the axes.
+    def of_body(node: PyTree) -> PyTree:
+        if not isinstance(node, BodyState):
+            return node
+        return BodyState(
+            largest_component(node.position),
+            node.orientation,
+            largest_component(node.velocity),
+            node.spin,
+        )
+
+    sizes = jax.tree.map(of_body, y, is_leaf=lambda node: isinstance(node, BodyState))
+
+    # An error of a deflection changes the friction force equally at all deflections. Its measure is
+    # therefore the deflection at full friction, which is 1 here, also where a deflection passes
+    # through zero.
+    def of_deflection(z: Scalar) -> Scalar:
+        return jnp.maximum(jnp.abs(z), 1.0)
+
+    return replace(sizes, bristles=jax.tree.map(of_deflection, y.bristles))
+
+
+def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
+    """Return variables, or errors of variables, with dimensionless bristle deflections.
+
+    Each deflection, m, is divided by the deflection of its contact at full friction, m.
+    """
+    full = full_deflections(scene)
+    return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

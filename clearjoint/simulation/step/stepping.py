@@ -1,0 +1,402 @@
+"""Main loop of a run: try one step, accept or reject it, and carry the state to the next one.
+
+diffrax supplies the solver's `step` and the controller's `adapt_step_size`, called one step at a
+time (diffrax, "manual stepping") instead of through `diffeqsolve`. Between a trial step and its
+acceptance this module lands steps on contact events, updates entry speeds and bristles, corrects
+the state across force discontinuities and carries derivatives. Inside `diffeqsolve` this would need
+hidden state in wrapped solvers and controllers. The body of the loop is scalar arithmetic without
+callbacks, custom calls or scatters, so that it compiles to one native function.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from ...dynamics.breakpoints import breakpoints, one_sided_time
+from ...dynamics.bristles import initial_bristles, updated_bristles
+from ...dynamics.contact_events import (
+    ContactGap,
+    ContactGaps,
+    begins,
+    begins_at_start,
+    initial_entry_speeds,
+    updated_entry_speeds,
+    uses_entry_speed,
+)
+from ...dynamics.contact_forces import EntrySpeeds
+from ...dynamics.energy import bristle_energy
+from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar
+from ...model.joints.base import ByLabel
+from ...result_codes import RESULTS
+from .acceptance import decide_step
+from .breakpoint_events import across_breakpoints, joints_have_breakpoints
+from .saltation import across_contacts, contacts_jump, slopes_jump
+from .step_length import end_of_step
+from .step_state import (
+    Attempt,
+    Method,
+    Proposal,
+    SolverState,
+    Step,
+    Tangents,
+    TangentsInside,
+    Variables,
+    choose,
+)
+from .systems import SystemFamily
+from .trial_step import Trial, error_order, term_of, try_step
+from .unrolled_runge_kutta import UnrolledExplicit
+
+Shapes = TypeVar("Shapes")
+
+MANY_OPERATIONS = 50_000
+"""Operations of the equations of motion above which compiling takes half a minute or more.
+
+Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
+processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
+and 55 000 operations). XLA writes out all stages: 53 and 264 s for the first two chains, more than
+8 GB of memory for the last."""
+OPERATIONS_WITH_DERIVATIVES = 3
+"""Operations of a step that carries derivatives, relative to one that does not."""
+
+
+def start(
+    method: Method,
+    system: System,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar | None,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    derivatives: bool = False,
+) -> Step:
+    """Return the `Step` from which a run begins at t0.
+
+    **Arguments:**
+
+    - `first_step`: s; chosen by the controller if ``None``.
+    - `y`: the motion, and optionally ledger integrals and bristle deflections to continue from;
+      missing ones are initialised.
+    - `entry_speeds`: m/s; derived from the contacts at t0 if empty.
+    - `derivatives`: whether tangents will be added to the step.
+    """
+    contact_gaps = system.contact_gaps(y.motion)
+    entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)
+    y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
+    y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
+    term, args = term_of(method), (system, entry_speeds)
+    t_next, controller_state = method.controller.wrap(1).init(
+        term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
+    )
+    t_next = jnp.asarray(t_next, dtype=float)
+    solver_state = method.solver.init(term, t0, t_next, y, args)
+    count = jnp.zeros((), dtype=int)
+    step = Step(
+        t=t0,
+        y=y,
+        entry_speeds=entry_speeds,
+        contact_gaps=contact_gaps,
+        second_rates=_second_rates(method, system, y, solver_state, contact_gaps),
+        solver_state=solver_state,
+        proposal=Proposal(
+            t_next=t_next,
+            full_length=t_next - t0,
+            begins_contact=begins_at_start(contact_gaps),
+            time_since_onset=_time_since_onset(contact_gaps) if derivatives else None,
+            entry_length=t_next - t0,
+            made_jump=False,
+            controller_state=controller_state,
+        ),
+        result=RESULTS.successful,
+        attempts=count,
+        accepted=count,
+    )
+    # Every leaf becomes an array: a loop needs the same types going in and coming out.
+    return jax.tree.map(jnp.asarray, step)
+
+
+def _time_since_onset(contact_gaps: ContactGaps) -> Scalar:
+    """Time in s since the onset of a contact at the start of a run: zero for a contact that begins
+    there; unknown, so infinite, for one that already exists."""
+    return jnp.where(begins_at_start(contact_gaps), 0.0, jnp.inf)
+
+
+def _initial_ledger(
+    system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
+) -> dict[str, Scalar]:
+    """Return the integrals of the energy ledger at the start, J.
+
+    Given integrals are kept; the others start at zero. "friction" starts at the energy stored in
+    the bristles, because the ledger books under it all energy that friction takes from the motion,
+    including the part that bristles will return.
+    """
+    _, powers = shapes_of(
+        lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
+    )
+    work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+    if y.bristles and "friction" in powers.keys() - y.work.keys():
+        forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
+        stored = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
+        work["friction"] = work["friction"] if stored is None else jnp.asarray(stored)
+    return work
+
+
+def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
+    """Return `jax.eval_shape` of the equations of motion, and warn if they are large.
+
+    It runs while a program is traced: once for each program that is compiled, before the compiler.
+    """
+    program, shapes = jax.make_jaxpr(equations, return_shape=True)()
+    operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
+    if operations > MANY_OPERATIONS:
+        warnings.warn(
+            f"A step of this scene has some {operations} operations for each stage of the solver: "
+            f"above {MANY_OPERATIONS}, compiling takes half a minute or more, and in jax.jit, vmap "
+            "and grad, where XLA compiles, minutes and more than 8 GB of memory. Long chains of "
+            "ideal joints take fewer operations in AbsoluteCoordinates(), short closed loops in "
+            "JointCoordinates(); diffrax.Bosh3() has half the stages.",
+            stacklevel=2,
+        )
+    return shapes
+
+
+class _AcceptedState(eqx.Module):
+    """The state after a trial step if that is accepted; the fields have the names of `Step`'s."""
+
+    y: Variables
+    entry_speeds: EntrySpeeds
+    contact_gaps: ContactGaps
+    second_rates: ByLabel[Scalar]
+    tangents: Tangents | None
+
+
+def attempt(
+    method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
+) -> Attempt:
+    """Try one step from `step`; either accept it or propose a shorter one.
+
+    **Arguments:** `t_end`: s, the end of the run, beyond which the step does not go; `family`: the
+    systems over the parameters, if the step carries derivatives along them.
+
+    **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
+    the given state with a new proposal.
+    """
+    trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
+    after = system.contact_gaps(trial.outcome.y.motion)
+    decision = decide_step(method, system, step, trial, after, t_end)
+    keep = decision.keep
+    arrival = _accepted_state(method, system, family, step, trial, after, keep)
+    inside = None
+    if step.tangents is not None and trial.tangents is not None:
+        inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
+    # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
+    # reject independently, and an accepted step of one lane must not depend on another lane.
+    return Attempt(
+        step=Step(
+            t=jnp.where(keep, trial.t1, step.t),
+            y=choose(keep, arrival.y, step.y),
+            entry_speeds=choose(keep, arrival.entry_speeds, step.entry_speeds),
+            contact_gaps=choose(keep, arrival.contact_gaps, step.contact_gaps),
+            second_rates=arrival.second_rates,
+            solver_state=choose(keep, trial.outcome.solver_state, step.solver_state),
+            proposal=decision.proposal,
+            result=decision.result,
+            attempts=step.attempts + 1,
+            accepted=step.accepted + keep,
+            tangents=choose(keep, arrival.tangents, step.tangents),
+        ),
+        kept=keep,
+        t_start=step.t,
+        entry_speeds_start=step.entry_speeds,
+        information=trial.outcome.information,
+        time_map=trial.time_map,
+        tangents=inside,
+    )
+
+
+def _accepted_state(
+    method: Method,
+    system: System,
+    family: SystemFamily | None,
+    step: Step,
+    trial: Trial,
+    after: ContactGaps,
+    keep: Condition,
+) -> _AcceptedState:
+    """Return the state after an accepted trial that ends with the contact gaps `after`.
+
+    Entry speeds are updated first, since they depend on the gaps as the solver found them. Then the
+    variables are corrected for force discontinuities at the end of the step.
+    """
+    t1, y1 = trial.t1, trial.outcome.y
+    second_rates = choose(
+        keep,
+        _second_rates(method, system, y1, trial.outcome.solver_state, after),
+        step.second_rates,
+    )
+    entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
+    y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
+    if joints_have_breakpoints(system.scene):
+        # A driver with a kink makes velocities jump, and with them the rates of the gaps.
+        after = system.contact_gaps(y1.motion)
+    tangents = None
+    if family is not None:
+        assert y_tangents is not None
+        tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
+    return _AcceptedState(y1, entry_speeds, after, second_rates, tangents)
+
+
+def _across_discontinuities(
+    method: Method,
+    system: System,
+    family: SystemFamily | None,
+    step: Step,
+    trial: Trial,
+    keep: Condition,
+) -> tuple[Variables, Variables | None]:
+    """Return the variables at the end of a step and their tangents (``None`` without a `family`),
+    corrected for force discontinuities there.
+
+    See `.saltation` and `.breakpoint_events`. The corrections of the values are zero to rounding,
+    except for velocities at the kink of a driver; those of the derivatives are not.
+    """
+    y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
+    # What the scene cannot have is left out of the program. A force whose slope alone jumps changes
+    # only derivatives, so a run without derivatives skips that correction.
+    slopes = family is not None and slopes_jump(system.scene)
+    contacts = method.landing is not None and (slopes or contacts_jump(system.scene))
+    has_breakpoints = bool(breakpoints(system.scene))
+    if not contacts and not has_breakpoints and not y1.bristles:
+        return y1, y_tangents
+    t1 = trial.t1
+
+    def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
+        if contacts:
+            time = one_sided_time(system, step.t, t1)
+            y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
+        if has_breakpoints:
+            y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
+        if y.bristles:
+            gaps, motions = system.contact_gaps(y.motion), system.motions(y.motion)
+            bristles = updated_bristles(
+                system.scene,
+                y.bristles,
+                motions,
+                step.contact_gaps,
+                gaps,
+                method.landing is not None,
+            )
+            y = replace(y, bristles=bristles)
+        return y, None
+
+    if family is None:
+        return across(system, y1, step.entry_speeds)[0], None
+    assert step.tangents is not None
+    tangents = y_tangents, step.tangents.entry_speeds
+    y1, _, y_tangents = family.pushed(across, (y1, step.entry_speeds), tangents)
+    return y1, y_tangents
+
+
+def _tangents_after(
+    family: SystemFamily,
+    step: Step,
+    trial: Trial,
+    y_tangents: Variables,
+    second_rates: ByLabel[Scalar],
+) -> Tangents:
+    """Return the tangents if the step is accepted; `y_tangents` are those of the variables at its
+    end.
+
+    The tangents of entry speeds neglect terms proportional to the penetration at the end of the
+    step, because the second rates are treated as constants.
+    """
+    end, start = trial.tangents, step.tangents
+    assert end is not None and start is not None
+
+    def entry_speeds_after(
+        system: System, y1: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[EntrySpeeds, None]:
+        after = system.contact_gaps(y1.motion)
+        return updated_entry_speeds(
+            system.scene, entry_speeds, step.contact_gaps, after, second_rates
+        ), None
+
+    # Differentiated at the solver's result, not at the corrected one: entry speeds were computed
+    # from the gaps of the former.
+    _, _, entry_speed_tangents = family.pushed(
+        entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
+    )
+    return Tangents(y_tangents, entry_speed_tangents, end.solver_state)
+
+
+def _entry_speeds_after(
+    method: Method,
+    system: System,
+    step: Step,
+    y1: Variables,
+    after: ContactGaps,
+    t1: Scalar,
+    keep: Condition,
+    second_rates: ByLabel[Scalar],
+) -> EntrySpeeds:
+    """Return the entry speeds if the step is accepted, m/s."""
+    if not uses_entry_speed(system.scene):
+        return step.entry_speeds
+    if not isinstance(method.solver, UnrolledExplicit):
+        # The solver's state does not contain the rates at the end of the step. One more evaluation
+        # is spent only where a contact begins, as nothing else uses them.
+        zeros = second_rates
+
+        def end_second_rates() -> ByLabel[Scalar]:
+            rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
+            return system.second_rates(y1.motion, rates.motion)
+
+        second_rates = jax.lax.cond(
+            keep & begins(step.contact_gaps, after), end_second_rates, lambda: zeros
+        )
+    return updated_entry_speeds(
+        system.scene, step.entry_speeds, step.contact_gaps, after, second_rates
+    )
+
+
+def _second_rates(
+    method: Method,
+    system: System,
+    y: Variables,
+    solver_state: SolverState,
+    contact_gaps: ContactGaps,
+) -> ByLabel[Scalar]:
+    """Return the second derivatives of the gaps, m/s^2, if the solver's state is the rates of the
+    variables, as in `UnrolledExplicit`; otherwise zeros."""
+    if contact_gaps and isinstance(method.solver, UnrolledExplicit):
+        return system.second_rates(y.motion, solver_state.motion)
+    return jax.tree.map(
+        lambda gap: jnp.zeros_like(gap.rate),
+        contact_gaps,
+        is_leaf=lambda node: isinstance(node, ContactGap),
+    )
+
+
+def blank_attempt(
+    method: Method,
+    system: System,
+    step: Step,
+    t_end: Scalar,
+    family: SystemFamily | None = None,
+    attempt: Callable[..., Attempt] = attempt,
+) -> Attempt:
+    """Return an `Attempt` of zeros around `step`: the initial value of a loop over attempts."""
+    shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
+    zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    return replace(zeros, step=step)
+
+
+def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
+    """Whether to try another step: before `t_end`, without failure, within `attempts` trials."""
+    return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -1,0 +1,251 @@
+"""One trial step of the solver with its derivatives, before it is accepted or rejected."""
+
+from dataclasses import replace
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ...compilation import traced_once
+from ...dynamics.breakpoints import breakpoints, one_sided_time
+from ...dynamics.bristles import bristle_rates
+from ...dynamics.contact_events import closed, touches, uses_entry_speed
+from ...dynamics.contact_forces import Closed, EntrySpeeds
+from ...dynamics.system import System
+from ...fields.types import Single
+from ...math.groups import sum_
+from ...math.vectors import Condition, Scalar
+from ...model.scene import Scene
+from .dense_output import correct
+from .saltation import contacts_jump, slopes_jump
+from .step_state import Method, SolverState, Step, Variables, choose
+from .systems import SystemFamily
+from .time_map import AbstractTimeMap, FromOnset, WithinContact
+from .unrolled_runge_kutta import DenseInformation, UnrolledExplicit
+
+REJECTED_ERROR = 1e30
+"""Error assigned to a trial that is not finite: no controller accepts it."""
+
+
+def rates_of(
+    system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
+) -> Variables:
+    """Return the time derivatives of all integrated variables at t, s.
+
+    If `closed` is given, only these contacts transmit forces; otherwise those that penetrate.
+    """
+    dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
+    powers = system.powers(dynamics, t)
+    return Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
+
+
+def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
+    """Return the rates of the variables as a diffrax term with `(system, entry_speeds)` as args.
+
+    **Arguments:** `step`: the step in which the rates are evaluated. If steps land on contact
+    events, contacts then stay open or closed as they are at its start; forces that depend on time
+    are taken on the step's side of each breakpoint.
+
+    The rates are traced once per term and reused for all stages. Each term traces anew, because the
+    traced function closes over values of the surrounding trace.
+    """
+    traced_rates = traced_once(_rates)
+    lands = step is not None and method.landing is not None
+    closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
+
+    def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
+        system, entry_speeds = args
+        t = one_sided_time(system, t if step is None else step.t, t)
+        return traced_rates(system, y, entry_speeds, t, closed_contacts)
+
+    return diffrax.ODETerm(rates)
+
+
+def _rates(
+    system: System,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    t: Single,
+    closed_contacts: Closed | None,
+) -> Variables:
+    rates = rates_of(system, y, entry_speeds, t, closed_contacts)
+    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
+
+
+def error_order(method: Method) -> Single:
+    """Return the order of the solver's error estimate, which the controller needs."""
+    order = method.solver.error_order(term_of(method))
+    assert order is not None, "only solvers of stochastic equations have none"
+    return order
+
+
+class SolverStep(eqx.Module):
+    """Result of a solver's step; or its derivatives along p parameters, p as the first axis."""
+
+    y: Variables
+    error: Variables
+    information: DenseInformation
+    solver_state: SolverState
+
+
+class Trial(eqx.Module):
+    """A trial step as the solver computed it.
+
+    - `t1`: s, its end; `time_map`: how time passes in it.
+    - `outcome`: its result; `tangents`: the derivatives of the result, ``None`` without any.
+    - `finite`: whether both are finite. If not, the variables are those at the start of the step.
+    - `solver_result`: the solver's own result code.
+    """
+
+    t1: Scalar
+    time_map: AbstractTimeMap | None
+    outcome: SolverStep
+    tangents: SolverStep | None
+    finite: Condition
+    solver_result: diffrax.RESULTS
+
+
+def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
+    """Return the time map of the step up to t1; ``None`` if time is uniform in all steps."""
+    if method.landing is None or not step.contact_gaps:
+        return None
+    if not isinstance(method.solver, UnrolledExplicit):
+        return None
+    begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
+    if since is None:
+        # Without derivatives, mapping the steps towards the end of a contact saved no steps, and a
+        # journal rolling along the wall took more.
+        return FromOnset(begins)
+    until_end = method.landing.time_to_contact_end(step.contact_gaps, step.second_rates)
+    return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, until_end)
+
+
+def try_step(
+    method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
+) -> Trial:
+    """Compute the solver's step up to t1, stabilised and with derivatives along `family`."""
+    made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
+    time_map = time_map_of(method, step, t1)
+    options = {} if time_map is None else {"time_map": time_map}
+
+    def advance(
+        system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
+    ) -> tuple[SolverStep, diffrax.RESULTS]:
+        if slopes_may_jump(method, system.scene):
+            solver_state = _after_jump(method, system, step, t1, (y, entry_speeds, solver_state))
+        y1, error, information, solver_state, result = method.solver.step(
+            term_of(method, step),
+            step.t,
+            t1,
+            y,
+            (system, entry_speeds),
+            solver_state,
+            made_jump,
+            **options,
+        )
+        y1 = correct(system, y1, one_sided_time(system, step.t, t1))
+        y1, solver_state = _without_drift(system, y1, solver_state)
+        assert isinstance(error, Variables)
+        return SolverStep(y1, error, information, solver_state), result
+
+    start = step.y, step.entry_speeds, step.solver_state
+    if family is None:
+        outcome, result = advance(system, *start)
+        finite, tangents = _all_finite((outcome.y, outcome.error)), None
+    else:
+        # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
+        # included, is the same step of the variational equations.
+        assert step.tangents is not None
+        along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
+        outcome, result, tangents = family.pushed(advance, start, along)
+        finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
+        tangents = _unless(finite, tangents, step.tangents.y)
+    return Trial(t1, time_map, _unless(finite, outcome, step.y), tangents, finite, result)
+
+
+def _after_jump(
+    method: Method,
+    system: System,
+    step: Step,
+    t1: Scalar,
+    start: tuple[Variables, EntrySpeeds, SolverState],
+) -> SolverState:
+    """Return the solver's state at the start of a step: the kept one, or a new one if a contact
+    began or ended there.
+
+    The kept rates are those with the contacts of the last step. Their values agree with the new
+    ones, but their derivatives do not if the slope of a force jumps. `start` holds the variables,
+    the entry speeds and the kept state.
+    """
+    y, entry_speeds, kept = start
+
+    def evaluated() -> SolverState:
+        return method.solver.init(term_of(method, step), step.t, t1, y, (system, entry_speeds))
+
+    return jax.lax.cond(step.proposal.made_jump, evaluated, lambda: kept)
+
+
+def _without_drift(
+    system: System, y: Variables, solver_state: SolverState
+) -> tuple[Variables, SolverState]:
+    """Return the variables normalised (unit Euler parameters, angles within two turns), and the
+    solver's state to match.
+
+    The solver keeps rates of the variables for its next step. Normalising is a change of variables,
+    so rates are mapped by its derivative.
+    """
+
+    def matching(node: PyTree) -> PyTree:
+        if not isinstance(node, Variables):
+            return node
+        motion = jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1]
+        return replace(node, motion=motion)
+
+    state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
+    return replace(y, motion=system.without_drift(y.motion)), state
+
+
+def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
+    """Return the outcome if it is finite; otherwise one with the variables `y` and an error that no
+    controller accepts."""
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
+    return SolverStep(
+        choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
+    )
+
+
+def may_jump(method: Method, scene: Scene) -> bool:
+    """Whether rates may be discontinuous from the end of one step to the start of the next.
+
+    Then the rates that the solver keeps from the last step cannot be reused. Breakpoints, bristles
+    that a contact begins to drag, and forces that jump at onset make rates discontinuous. So does a
+    new entry speed, unless steps land on onsets: there the force is still zero.
+    """
+    if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
+        return True
+    return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
+
+
+def slopes_may_jump(method: Method, scene: Scene) -> bool:
+    """Whether rates are continuous from step to step, but their slopes may jump where a contact
+    begins or ends."""
+    lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
+    return lands and slopes_jump(scene) and not may_jump(method, scene)
+
+
+def _all_finite(tree: PyTree[Scalar]) -> Condition:
+    """Whether all numbers are finite, in one test: 0 times a NaN or an infinity is NaN, so the sum
+    of all leaves times 0 is zero only if every leaf is finite."""
+    families: dict[tuple[int, ...], list[Scalar]] = {}
+    for leaf in jax.tree.leaves(tree):
+        # Leaves of one shape are added elementwise first, which takes fewer reductions.
+        families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
+    return sum(sum_(_pairwise_sum(family)) for family in families.values()) == 0.0
+
+
+def _pairwise_sum(terms: list[Scalar]) -> Scalar:
+    """Sum by halves, so that a processor can do independent additions side by side."""
+    middle = len(terms) // 2
+    return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]

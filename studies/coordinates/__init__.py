@@ -1,1 +1,0 @@
-"""Absolute and joint coordinates side by side."""

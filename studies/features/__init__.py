@@ -1,1 +1,0 @@
-"""What each feature of a scene costs, and that an absent one costs nothing."""

@@ -1,0 +1,1 @@
+"""Parameter estimation from simulated measurements: searches, statistics and horizon."""

@@ -1,1 +1,0 @@
-"""For how long a record can be fitted by a single run."""

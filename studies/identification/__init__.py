@@ -1,1 +1,0 @@
-"""Parameters from made-up measurements: which searches find them."""

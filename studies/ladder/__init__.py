@@ -1,1 +1,0 @@
-"""One joint by models of more and more detail."""

@@ -1,1 +1,0 @@
-"""Parameters recovered from many draws of the noise."""

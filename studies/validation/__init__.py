@@ -1,0 +1,1 @@
+"""Agreement with results that other programs have published."""

@@ -1,0 +1,51 @@
+"""Forces of contacts that stay open or closed for a whole step."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.dynamics.contact_forces import contact_force
+from clearjoint.math.vectors import ZERO, Vector
+from clearjoint.model.joints.base import Contact
+from tests.support.planes import Plane
+
+DEPTH, RATE = 3e-14, -0.06
+SPRINGS = [cj.laws.Hertz(4e8, exponent=1.0), cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)]
+
+
+def forces_at(law, closed, depth):
+    """Return normal force and friction along Y of a point against a plane, N."""
+    plane = Plane(
+        "ball", ((0, 0, 0),), (1.0, 0.0, 0.0), 0.0, law, cj.frictions.RegularisedCoulomb(0.2, 1e-2)
+    )
+    gap = cj.extend.Gap(depth, RATE)
+    contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, Vector(0.0, 0.5, 0.0))
+    entry = 0.1 if law.uses_entry_speed else None
+    force = contact_force(plane, "point 0", law, contact, entry, jnp.asarray(closed), {}, {})
+    return jnp.stack([jnp.asarray(force.normal_force), jnp.asarray(force.friction.y)])
+
+
+@pytest.mark.parametrize("law", SPRINGS)
+def test_force_of_a_closed_spring_continues_past_the_wall(law):
+    """Value and slope, also of friction, whose law never gets a negative normal force."""
+    inside, past = (forces_at(law, True, sign * DEPTH) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(past, -inside, rtol=1e-14)
+    assert inside[0] > 0.0
+    slopes = [jax.jacfwd(lambda d: forces_at(law, True, d))(s * DEPTH) for s in (1.0, -1.0)]
+    np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-14)
+    assert not np.any(forces_at(law, False, DEPTH))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        cj.laws.Hertz(1e9),
+        cj.laws.Tsuji(0.8, 1e9, 1.0),
+        cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6),
+    ],
+)
+def test_a_force_with_zero_slope_at_the_wall_ends_there(law):
+    assert not law.slope_jumps()
+    assert not np.any(forces_at(law, True, -law.onset_offset() - DEPTH))

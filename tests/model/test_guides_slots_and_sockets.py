@@ -1,0 +1,293 @@
+"""Ball in socket, slider in guide, pin in slot: geometry, conformance, and closed forms."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.special import beta
+
+import clearjoint as cj
+from clearjoint.math.vectors import IDENTITY, unpack
+from clearjoint.model.bodies import GROUND_MOTION
+from clearjoint.testing import check_constraint, check_contact_joint, moving
+
+TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)
+LAW = cj.laws.ExactRestitution(0.8, 1e9)
+STEEL = cj.laws.RavnStiffness(207e9, 0.3)
+MOTIONS = {
+    "a": moving((0.1, 0.2, 0.3), (0.9, 0.1, -0.3, 0.2), (0.5, -0.4, 0.3), (1.0, 2.0, -0.5)),
+    "b": moving((0.11, 0.19, 0.32), (0.9, 0.15, -0.25, 0.2), (-0.2, 0.7, 0.1), (-0.8, 0.3, 1.1)),
+}
+
+
+def socket(first: str = "a", second: str = "b", **options: Any) -> cj.BallInSocket:
+    given: dict[str, Any] = {"socket_radius": 10e-3, "clearance": 0.2e-3, "law": LAW}
+    return cj.BallInSocket(first, second, **(given | options))
+
+
+def guide(first: str = "a", second: str = "b", **options: Any) -> cj.SliderInGuide:
+    given = {"half_length": 0.05, "half_height": 0.025, "clearance": 1e-3, "law": LAW}
+    return cj.SliderInGuide(first, second, **(given | options))
+
+
+def slot(first: str = "a", second: str = "b", **options: Any) -> cj.PinInSlot:
+    given = {"play": 1e-3, "pin_radius": 5e-3, "law": LAW}
+    return cj.PinInSlot(first, second, **(given | options))
+
+
+ROUGH, BRISTLES = cj.frictions.RegularisedCoulomb(0.1), cj.frictions.Dahl(0.1)
+TILTED = {"slot_axis": (1.0, 2.0, 0.5), "slot_normal": (2.0, -0.5, -2.0)}
+AT_POINTS = {"slot_point": (0.01, 0.02, 0.03), "pin_point": (-0.01, 0.0, 0.02)}
+PLAYS = {
+    "ball": socket(law=cj.laws.LankaraniNikravesh(0.9, STEEL), ball_point=(0.01, 0.02, -0.01)),
+    "rough ball": socket(socket_point=(0.01, -0.02, 0.03), friction=ROUGH),
+    "ball with bristles": socket(friction=BRISTLES),
+    "slider": guide(slider_axis=(1.0, 0.2, 0.1), slider_normal=(-0.2, 1.0, 0.0)),
+    "rough slider": guide(guide_normal=(0.1, 1.0, 0.3), guide_point=(0, 0.01, 0), friction=ROUGH),
+    "slider with bristles": guide(slider_point=(0.01, 0.0, 0.0), friction=BRISTLES),
+    "pin": slot(**TILTED, **AT_POINTS),
+    "rough pin between ends": slot(**TILTED, **AT_POINTS, travel=0.05, friction=ROUGH),
+    "pin with bristles": slot(friction=BRISTLES),
+}
+FAST = ("rough ball", "pin")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in PLAYS],
+)
+def test_joints_conform_in_motion(name):
+    check_contact_joint(PLAYS[name], MOTIONS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "joint",
+    [
+        cj.PointInPlaneJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3)),
+        cj.LineInPlaneJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1)),
+    ],
+)
+def test_ideal_joints_in_planes_conform(joint):
+    check_constraint(joint, MOTIONS)
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "complaint"),
+    [
+        (
+            socket,
+            {"clearance": 0.011},
+            "`clearance` must be smaller than the socket's radius 0.01 m",
+        ),
+        (socket, {"law": 1e9}, "`law` must be an AbstractContactLaw"),
+        (socket, {"second": "a"}, "another body than"),
+        (guide, {"friction": 0.1}, "`friction` must be an AbstractFriction or"),
+        (guide, {"clearance": 0.03}, "`clearance` must be smaller than half the slider's"),
+        (guide, {"slider_axis": (1, 1, 0)}, "`slider_axis` must be perpendicular"),
+        (guide, {"law": cj.laws.Hertz(STEEL)}, "guide's walls are flat"),
+        (slot, {"slot_axis": (0, 2, 0)}, "`slot_axis` must be perpendicular"),
+        (slot, {"law": cj.laws.Hertz(STEEL)}, "slot's walls are flat"),
+        (slot, {"travel": -1.0}, "`travel` must be positive"),
+        (slot, {"play": 0.0}, "`play` must be positive"),
+    ],
+)
+def test_invalid_joints_are_refused(make, options, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        make(**options)
+
+
+def test_the_law_of_the_ball_receives_both_radii():
+    """Hertz's stiffness of a sphere of 9.5 mm in a hollow one of 10 mm: 6.610198e10 N/m^1.5 for
+    the paper's steel."""
+    joint = socket("ground", "b", clearance=0.5e-3, law=cj.laws.Hertz(STEEL))
+    still = cj.extend.Vector(0.0, 0.0, 0.0)
+    ball = cj.extend.Motion(cj.extend.Vector(0.0, 0.3e-3, 0.4e-3 + 1e-5), IDENTITY, still, still)
+    gap = unpack(joint).contacts({"ground": GROUND_MOTION, "b": ball})["ball"].gap
+    assert float(gap.depth) == pytest.approx(math.hypot(0.3e-3, 0.41e-3) - 0.5e-3, rel=1e-9)
+    force = float(joint.law.elastic_force(gap))
+    assert force == pytest.approx(6.610198e10 * float(gap.depth) ** 1.5, rel=1e-7)
+
+
+def a_ball(mass: float = 2.0, gravity: Any = None, **options: Any) -> tuple[cj.Scene, cj.State]:
+    """A body in a socket of the ground, its centre of mass that of the ball."""
+    bodies = {"b": cj.Body(mass, (1e-3, 1e-3, 1e-3))}
+    joint = socket("ground", "b", **options)
+    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0))})
+    return cj.Scene(bodies, {"joint": joint}, gravity=gravity), state
+
+
+@pytest.mark.slow
+def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
+    """v = sqrt(2 g c) after sqrt(2 c / g), along any direction; it leaves with the restitution but
+    for the weight's work during the contact, which a stiff contact keeps small."""
+    direction = np.array([2.0, -1.0, 2.0]) / 3.0
+    law = cj.laws.ExactRestitution(0.7, 1e16)
+    scene, state = a_ball(gravity=9.81 * direction, law=law)
+    impacts = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True)).impacts
+    speed = math.sqrt(2 * 9.81 * 0.2e-3)
+    assert impacts.onset[0] == pytest.approx(math.sqrt(2 * 0.2e-3 / 9.81), rel=1e-8)
+    assert impacts.entry_speed[0] == pytest.approx(speed, rel=1e-8)
+    assert impacts.exit_speed[0] == pytest.approx(0.7 * speed, rel=1e-3)
+    assert impacts.entry_speed[1] == pytest.approx(impacts.exit_speed[0], rel=1e-8)
+    again = impacts.separation[0] + 2 * impacts.exit_speed[0] / 9.81
+    assert impacts.onset[1] == pytest.approx(again, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_resting_ball_swings_as_a_pendulum_on_a_short_link():
+    """Without friction the ball's centre swings about the socket's as on a massless link of the
+    clearance and the static penetration, the body below as the second of a double pendulum: slow
+    mode and frequency from the linear equations."""
+    mass, inertia, height, clearance, g = 2.0, 5e-3, 0.1, 0.5e-3, 9.81
+    stiffness = 1e10
+    depth = (mass * g / stiffness) ** (2 / 3)
+    link = clearance + depth
+    joint = socket(
+        "ground",
+        "b",
+        clearance=clearance,
+        law=cj.laws.Hertz(stiffness),
+        ball_point=(0.0, height, 0.0),
+    )
+    masses = mass * np.array([[link**2, link * height], [link * height, height**2]])
+    masses[1, 1] += inertia
+    squares, modes = eigh(np.diag([mass * g * link, mass * g * height]), masses)
+    tilt = 1e-4 * modes[:, 0] / modes[1, 0]
+
+    def ball(angles: np.ndarray) -> cj.State:
+        below = np.array([link, height]) @ [np.sin(angles), -np.cos(angles)][0]
+        down = -np.array([link, height]) @ np.cos(angles)
+        turn = (math.cos(0.5 * angles[1]), 0.0, 0.0, math.sin(0.5 * angles[1]))
+        return cj.State({"b": cj.body_state((below, down, 0.0), turn)})
+
+    scene = cj.Scene(
+        {"b": cj.Body(mass, (inertia, inertia, inertia))}, {"joint": joint}, gravity=(0, -g, 0)
+    )
+    period = 2.0 * math.pi / math.sqrt(squares[0])
+    times = period * np.array([0.25, 0.5, 1.0])
+    settings = cj.Settings(rtol=1e-10, atol=1e-14)
+    states = cj.simulate(scene, ball(tilt), period, settings, save=cj.Saving(times)).states
+    x = np.asarray(states.bodies["b"].position)[:, 0]
+    start = float(ball(tilt).bodies["b"].position[0])
+    np.testing.assert_allclose(x / start, [0.0, -1.0, 1.0], atol=1e-5)
+    stiff = 2.0 * math.pi * math.sqrt((inertia + mass * height**2) / (mass * g * height))
+    assert abs(period / stiff - 1.0) > 1e-3, "the clearance is seen in the period"
+
+
+def a_pin(**options: Any) -> tuple[cj.Scene, cj.State]:
+    """A pin that flies across a slot of the ground, and along it, without weight."""
+    bodies = {"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}
+    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, 0.4, 0.0))})
+    return cj.Scene(bodies, {"joint": slot("ground", "b", **options)}), state
+
+
+@pytest.mark.slow
+def test_a_pin_rebounds_between_the_walls():
+    """Elastically every play/v + T, T = 2 B(2/5, 1/2)/(n + 1) times the deepest penetration over v
+    (H. Hertz); with the exact restitution e, at v, e v, e^2 v... At the slot's ends likewise."""
+    speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
+    scene, state = a_pin(law=cj.laws.Hertz(stiffness))
+    save, settings = cj.Saving(impacts=True), cj.Settings(rtol=1e-9)
+    impacts = cj.simulate(scene, state, 0.012, settings, save=save).impacts
+    deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
+    lasts = 2.0 * deepest / speed * beta(0.4, 0.5) / 2.5
+    np.testing.assert_allclose(np.diff(impacts.onset), play / speed + lasts, rtol=1e-7)
+    np.testing.assert_allclose(impacts.largest_penetration, deepest, rtol=1e-6)
+    assert list(impacts.contact[:3]) == ["upper wall", "lower wall", "upper wall"]
+    scene, state = a_pin(travel=1.2e-3)
+    impacts = cj.simulate(scene, state, 0.02, settings, save=save).impacts
+    walls = np.isin(impacts.contact, ["lower wall", "upper wall"])
+    for chosen, begun in ((walls, 0.4), (~walls, 0.3)):
+        assert chosen.sum() >= 3
+        expected = begun * 0.8 ** np.arange(chosen.sum())
+        np.testing.assert_allclose(impacts.entry_speed[chosen], expected, rtol=1e-6)
+
+
+def a_slider(**options: Any) -> tuple[cj.Scene, cj.State]:
+    """A tilted slider thrown through a guide of the ground, held in the plane by nothing else."""
+    bodies = {"b": cj.Body(0.076, (2e-5, 2e-5, 2.7e-5))}
+    turn = (math.cos(0.005), 0.0, 0.0, math.sin(0.005))
+    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0), turn, (1.0, 0.2, 0.0))})
+    return cj.Scene(bodies, {"joint": guide("ground", "b", **options)}), state
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("joint", "label", "play"),
+    [
+        (socket("ground", "b"), "ball", 0.2e-3),
+        (guide("ground", "b"), "front lower", 1e-3),
+        (slot("ground", "b", play=2e-3), "lower wall", 1e-3),
+    ],
+    ids=["ball", "slider", "pin"],
+)
+def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, play):
+    """Midway between its contacts, or at rest under its weight."""
+    scene = cj.Scene({"b": cj.Body(1.0, (1e-3,) * 3)}, {"joint": joint}, gravity=(0, -9.81, 0))
+    state = cj.State({"b": cj.body_state((0.0, 0.004, 0.0))})
+    centred = cj.assemble(scene, state)
+    assert float(centred.bodies["b"].position[1]) == pytest.approx(0.0, abs=1e-12)
+    resting = cj.assemble(scene, state, resting=["joint"])
+    assert float(resting.bodies["b"].position[1]) == pytest.approx(-play, abs=1e-12)
+    motion = cj.extend.Motion(
+        cj.extend.Vector(*resting.bodies["b"].position),
+        IDENTITY,
+        *(cj.extend.Vector(0.0, 0.0, 0.0),) * 2,
+    )
+    contact = unpack(joint).contacts({"ground": GROUND_MOTION, "b": motion})[label]
+    assert float(contact.gap.depth) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_grouped_joints_share_a_program_and_move_as_alone():
+    """Two pins in slots of the ground with different plays and speeds, against separate runs."""
+    bodies, joints, states, alone = {}, {}, {}, []
+    for name, play, speed in (("b", 1e-3, 0.4), ("c", 0.7e-3, 0.3)):
+        bodies[name] = cj.Body(0.5, (1e-4, 1e-4, 1e-4))
+        joints[f"slot of {name}"] = slot("ground", name, play=play, friction=ROUGH)
+        states[name] = cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, speed, 0.0))
+        scene = cj.Scene({name: bodies[name]}, {f"slot of {name}": joints[f"slot of {name}"]})
+        alone.append(cj.simulate(scene, cj.State({name: states[name]}), 5e-3, TIGHT).final)
+    both = cj.simulate(cj.Scene(bodies, joints), cj.State(states), 5e-3, TIGHT).final
+    for name, final in zip("bc", alone, strict=True):
+        position = both.bodies[name].position
+        np.testing.assert_allclose(position, final.bodies[name].position, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "options", "end", "length"),
+    [
+        (a_ball, {"gravity": (3.0, -9.81, 0.0)}, 0.02, "clearance"),
+        (a_slider, {}, 0.012, "clearance"),
+        (a_pin, {}, 0.006, "play"),
+    ],
+    ids=["ball", "slider", "pin"],
+)
+def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end, length):
+    scene, state = make(friction=ROUGH, **options)
+
+    def place(scene: cj.Scene) -> Any:
+        return getattr(scene.joints["joint"], length)
+
+    outputs = {
+        component: cj.quantities.PointPosition("b", (0.01, 0.02, 0.0), component)
+        for component in "xy"
+    }
+    given = {"play": cj.Parameter(place)}
+    found = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
+
+    def final(size: float) -> np.ndarray:
+        changed = cj.set_value(scene, place, size)
+        run = cj.sensitivities(changed, state, end, given, outputs, [end], TIGHT)
+        return np.array([run.values[component][-1] for component in "xy"])
+
+    value = float(place(scene))
+    step = 1e-4 * value
+    numeric = (final(value + step) - final(value - step)) / (2 * step)
+    exact = np.array([found.derivatives[component][-1, 0] for component in "xy"])
+    assert np.abs(numeric).max() > 0.1
+    np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-5 * np.abs(numeric).max())

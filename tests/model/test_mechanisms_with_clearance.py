@@ -1,0 +1,128 @@
+"""Mechanisms with clearance in guides, slots and sockets: published motions and closed forms."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+FINE = cj.Settings(rtol=1e-10, atol=1e-12)
+
+
+def turned(body: Any, axis: int) -> np.ndarray:
+    """Angle of a body about a coordinate axis, rad, at the saved times."""
+    orientation = np.asarray(body.orientation)
+    return 2.0 * np.arctan2(orientation[:, axis], orientation[:, 0])
+
+
+@pytest.mark.slow
+def test_slider_in_its_guide_as_published():
+    """Flores, Leine and Glocker's slider-crank. Until the first contact, of the corners 1 and 2,
+    against an independent converged solution. Later against the rows at 0.01 and 0.05 s of
+    Siconos' SliderCrankMoreauJeanCombinedProjectionOSI.ref: crank turns and crank speeds within two
+    hundredths. Its scheme projects positions at steps of 0.1 ms; that of `simulate_nonsmooth` with
+    rigid contacts, at shorter steps, agrees within two thousandths."""
+    scene, state = cj.mechanisms.guided_slider_crank()
+    save = cj.Saving([1e-3, 0.002692503, 0.01, 0.05], impacts=True)
+    solution = cj.simulate(scene, state, 0.055, cj.Settings(rtol=1e-9), save=save)
+    impacts, crank = solution.impacts, solution.states.bodies["crank"]
+    assert set(impacts.contact[:2]) == {"rear upper", "front upper"}
+    np.testing.assert_allclose(impacts.onset[:2], 0.002692503, rtol=2e-7)
+    spin, turns = np.asarray(crank.spin)[:, 2], turned(crank, 3) / (2.0 * math.pi)
+    np.testing.assert_allclose(spin[:2], [139.1159, 109.5577], rtol=1e-6)
+    assert turns[1] == pytest.approx(0.056548, rel=1e-5)
+    rigid = cj.simulate_nonsmooth(scene, state, 0.055, step=2e-5, save=cj.Saving(save.times))
+    rigid_spin = np.asarray(rigid.saved.states.bodies["crank"].spin)[:, 2]
+    np.testing.assert_allclose(rigid_spin, spin, rtol=2e-3)
+    np.testing.assert_allclose(spin[2:], [68.0890009, 68.7812286], rtol=0.02)
+    np.testing.assert_allclose(turns[2:] % 1.0, [0.151616754, 0.770408323], rtol=0.02)
+
+
+@pytest.mark.slow
+def test_clearance_in_guide_and_pin():
+    """Both strike, nothing leaves the plane, and the ledger closes."""
+    scene, state = cj.mechanisms.guided_slider_crank(pin_clearance=0.5e-3)
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    save = cj.Saving(np.linspace(0.0, 0.02, 11), impacts=True)
+    solution = cj.simulate(scene, state, 0.02, settings, save=save)
+    assert {"slider pin", "guide"} <= set(solution.impacts.joint)
+    for body in solution.states.bodies.values():
+        np.testing.assert_allclose(np.asarray(body.position)[:, 2], 0.0, atol=1e-9)
+    observed = cj.observe(scene, solution)
+    exchanged = np.ptp(observed.energies["kinetic"])
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
+
+
+def lever_angle(crank: np.ndarray) -> np.ndarray:
+    """Of the quick return without play, rad from the vertical."""
+    return np.arctan2(0.05 * np.sin(crank), 0.1 + 0.05 * np.cos(crank))
+
+
+@pytest.mark.slow
+def test_quick_return_goes_back_in_half_the_time():
+    """The lever's closed form; it turns back at -30 and 30 degrees, at two thirds of the crank's
+    turn from each other and at one third."""
+    scene, state = cj.mechanisms.quick_return(None, angle=0.3)
+    crank = np.array([0.3, 1.0, 2.0 * math.pi / 3.0, 3.0, 4.0 * math.pi / 3.0, 6.0])
+    save = cj.Saving((crank - 0.3) / 10.0)
+    lever = cj.simulate(scene, state, 0.6, FINE, save=save).states.bodies["lever"]
+    angles, spins = turned(lever, 3) - 0.5 * math.pi, np.asarray(lever.spin)[:, 2]
+    np.testing.assert_allclose(angles, lever_angle(crank), atol=1e-9)
+    np.testing.assert_allclose(angles[[2, 4]], [math.pi / 6, -math.pi / 6], atol=1e-9)
+    np.testing.assert_allclose(spins[[2, 4]], 0.0, atol=1e-7)
+    assert (spins[[1, 5]] > 0.0).all() and spins[3] < 0.0
+
+
+@pytest.mark.slow
+def test_quick_return_with_play_stays_within_its_play():
+    """The lever is off by at most half the play, and the penetration, at the pin's distance from
+    its axis."""
+    play = 0.2e-3
+    scene, state = cj.mechanisms.quick_return(play, friction=cj.frictions.RegularisedCoulomb(0.1))
+    save = cj.Saving(np.linspace(0.0, 0.6, 61), impacts=True)
+    solution = cj.simulate(scene, state, 0.6, cj.Settings(rtol=1e-8), save=save)
+    crank = 10.0 * np.asarray(solution.times)
+    off = turned(solution.states.bodies["lever"], 3) - 0.5 * math.pi - lever_angle(crank)
+    distance = np.hypot(0.05 * np.sin(crank), 0.1 + 0.05 * np.cos(crank))
+    assert np.abs(off * distance).max() < 0.5 * play + solution.impacts.largest_penetration.max()
+    assert np.abs(off * distance).max() > 0.4 * play
+    assert set(solution.impacts.contact) == {"lower wall", "upper wall"}
+
+
+@pytest.mark.slow
+def test_spatial_four_bar_without_clearance_closes():
+    """The rocker's angle p from the coupler's length: with d from the rocker's axis to the crank's
+    end, d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r)."""
+    scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
+    save = cj.Saving(np.linspace(0.01, 0.3, 30))
+    settings = cj.Settings(rtol=1e-10, atol=1e-12, ledger=True)
+    solution = cj.simulate(scene, state, 0.3, settings, save=save)
+    crank = turned(solution.states.bodies["crank"], 1)
+    assert np.ptp(np.unwrap(crank)) > 2.0 * math.pi
+    x, y, z = -0.122 + 0.0 * crank, 0.02 * np.cos(crank) + 0.054, 0.02 * np.sin(crank)
+    share = (x**2 + y**2 + z**2 + 0.074**2 - 0.122**2) / (2.0 * 0.074 * np.hypot(x, y))
+    rocker = np.arctan2(y, x) - np.arccos(share)
+    found = turned(solution.states.bodies["rocker"], 3) + 0.5 * math.pi
+    np.testing.assert_allclose(np.sin(found - rocker), 0.0, atol=1e-8)
+    assert np.ptp(found) > 0.05
+    residual = cj.observe(scene, solution).ledger_residual()
+    np.testing.assert_allclose(residual, 0.0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_spatial_four_bar_with_clearance_keeps_its_ball():
+    """Let go at rest, as published: the ball falls in its socket, strikes, and stays within the
+    clearance and the penetration; the ledger closes."""
+    scene, state = cj.mechanisms.spatial_four_bar(friction=cj.frictions.RegularisedCoulomb(0.05))
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    save = cj.Saving(np.linspace(0.0, 0.05, 26), impacts=True)
+    solution = cj.simulate(scene, state, 0.05, settings, save=save)
+    assert len(solution.impacts) > 3
+    depth = cj.observe(scene, solution).contacts["tip"]["ball"].penetration
+    assert depth.min() >= -0.2e-3 - 1e-12
+    assert depth.max() <= solution.impacts.largest_penetration.max() < 0.02e-3
+    observed = cj.observe(scene, solution)
+    exchanged = np.ptp(observed.energies["gravity"])
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged

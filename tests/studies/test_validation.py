@@ -1,0 +1,35 @@
+"""The study of validation: published values, to the tolerance of their programs."""
+
+import math
+
+import pytest
+
+from studies.validation.__main__ import main, table
+
+
+@pytest.fixture(scope="module")
+def checks(tmp_path_factory):
+    return main(["--quick", "--output", str(tmp_path_factory.mktemp("validation"))])
+
+
+def test_modelica_examples_agree_to_the_tolerance_of_their_solver(checks):
+    examples = [check for check in checks if "Examples" in check.source]
+    assert len(examples) == 12
+    assert [check for check in examples if not check.difference < 2e-4] == []
+
+
+def test_the_wheel_is_free_between_the_flanks(checks):
+    """Closed form: the gap of pi/4 rad is crossed at constant speed."""
+    found = {check.name: check.ours for check in checks}
+    crossing = found["the other flank is met"] - found["its gap opens"]
+    assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
+
+
+def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form(checks):
+    slopes = [check for check in checks if check.source.startswith("nimble")]
+    assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
+    assert [check for check in slopes if not check.difference < 1e-7] == []
+
+
+def test_each_value_has_a_row(checks):
+    assert len(table(checks)) == 1 + len(checks)
