@@ -59,7 +59,7 @@ class Instant:
         """Return the dynamic parts for JAX."""
         parts = (
             self._system,
-            self.time,
+            self._own_time,
             self._variables,
             self._entry_speeds,
             self.work,

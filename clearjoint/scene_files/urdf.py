@@ -159,10 +159,11 @@ def load_urdf(
     frames = _frames(robot, location)
     # Links without mass belong to the body of their parent, and the root link to the ground: only
     # the other links are bodies, with the link's name.
+    children = {joint.child for joint in robot.joints}  # the root may be named "ground"
     bodies = {
         link.name: body_of(link, location.at(link.name))
         for link in robot.links
-        if frames[link.name].body == link.name
+        if frames[link.name].body == link.name and link.name in children
     }
     joints = {}
     for joint in robot.joints:

@@ -374,6 +374,14 @@ def test_unknown_names_are_refused(quantity, message):
         quantity.check(scene)
 
 
+def test_an_instant_of_a_late_run_has_the_same_time_after_a_transformation():
+    """The time since the origin of the run, which is added to the origin once."""
+    scene, state = unpack(cj.mechanisms.double_pendulum())
+    system = System(scene, Formulation(), origin=jnp.asarray(100.0))
+    now = Instant(system, jnp.asarray(0.5), system.encode(state.bodies), {}, {})
+    assert float(jax.tree.map(lambda leaf: leaf, now).time) == float(now.time) == 100.5
+
+
 def test_units_are_si():
     units = {name: quantity.unit for name, quantity in EVERY.items()}
     known = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N m"}

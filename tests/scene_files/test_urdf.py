@@ -93,6 +93,11 @@ def test_links_with_mass_are_bodies_in_the_zero_position(robot):
     assert scene.gravity is not None and scene.gravity.tolist() == [0.0, 0.0, -9.81]
 
 
+def test_the_root_may_be_named_ground(robot):
+    scene, _, _ = robot('"base"', '"ground"')
+    assert list(scene.bodies) == ["upper", "lower", "rail", "tool"]
+
+
 def test_joints_fit_the_state(robot):
     scene, state, _ = robot()
     kinds = {name: type(joint).__name__ for name, joint in scene.joints.items()}
