@@ -131,7 +131,8 @@ def test_gradient_and_batches(problem):
         return 0.5 * jnp.sum(residuals(u, runs, data, END) ** 2)
 
     gradient = jax.grad(cost)(jnp.asarray(at))
-    np.testing.assert_allclose(gradient, found.jacobian.T @ found.residuals, rtol=1e-10)
+    # XLA compiles the gradient, native code the fit's runs: their steps differ by rounding.
+    np.testing.assert_allclose(gradient, found.jacobian.T @ found.residuals, rtol=1e-8)
     batch = jax.vmap(lambda u: predictions(u, runs, END))(jnp.stack([at, at + 0.01]))
     np.testing.assert_allclose(batch[0], found.predicted, atol=1e-12)
 
