@@ -62,6 +62,7 @@ class DissipatedEnergy(AbstractWindowedReduction):
         return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
 
     def units(self) -> dict[str, str]:
+        """Return "J" for the energy."""
         return {"": "J"}
 
 
@@ -101,6 +102,7 @@ class MeanPowerLost(AbstractWindowedReduction):
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
 
     def units(self) -> dict[str, str]:
+        """Return "W" for the mean power."""
         return {"": "W"}
 
 
