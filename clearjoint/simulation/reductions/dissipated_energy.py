@@ -113,6 +113,8 @@ def _lost_until(tally: LossTally, now: Instant, window: Window) -> LossTally:
     step across the edge sets them to the losses there, by dense output; then they stay.
     """
     lost = _lost(now)
+    # Before the edge: the losses so far. In the step across the edge: the losses at the edge. After
+    # it: the losses that are known.
     at_edges = [
         jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
         for edge, inside, known in zip(

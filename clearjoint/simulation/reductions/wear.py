@@ -85,6 +85,7 @@ class ArchardWear(AbstractWindowedReduction):
             a, b = window.fractions(before, now.time)
             at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
+        # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0
         worn = {
             base: [

@@ -32,7 +32,7 @@ T = TypeVar("T")
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly between those at two times.
 
-    - `force`: the force; `before`, `after`: the two times, s.
+    - `force`: the force; `before`, `after`: the two times of the scene, s.
     - `share`: 0 for the values at `before`, 1 for those at `after`.
     """
 
@@ -107,6 +107,7 @@ def across_breakpoints(
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
         return y
 
+    # Few steps land on a breakpoint; a single run computes the correction for these only.
     lands: Condition = jnp.asarray(False)
     for lands_on_own, _ in since.values():
         lands = lands | lands_on_own

@@ -41,6 +41,8 @@ def require_declared(scene: Scene) -> None:
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
+            # Functions of time are checked before the element that holds them, so that the message
+            # names the function, whose class must be changed.
             for function in _undeclared_functions_of_time(element):
                 require(
                     not _function_compares_time(function),

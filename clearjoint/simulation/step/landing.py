@@ -21,8 +21,8 @@ LATEST = 1e-11
 penetration at the landing holds elastic energy that no work supplied, and a slow impact may not
 even reach the depth of the landing tolerance."""
 CLOSEST = 1e-4
-"""Smallest depth that a landing must reach, in landing tolerances: rounding of the penetration is
-the same however slow the contact."""
+"""Smallest depth within which a step is required to land, in landing tolerances: rounding of the
+penetration is as large in slow contacts as in fast ones."""
 
 
 class Landing(eqx.Module):

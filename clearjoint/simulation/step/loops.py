@@ -161,6 +161,7 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     would meet infinite slopes and give NaN.
     """
     tangents = jax.tree.map(_tangent, primals, tangents, is_leaf=_is_none)
+    # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
 
     def numbers(inputs: PyTree) -> tuple[PyTree, PyTree]:

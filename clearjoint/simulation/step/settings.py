@@ -35,8 +35,8 @@ class Settings:
       their stages to `rtol` and `atol`, and need a looser `atol`, such as `rtol`/1000. Runs with
       derivatives, and sweeps that save states, sections or statistics, need an explicit Runge-Kutta
       method.
-    - `controller`: a diffrax step-size controller, which then chooses the step lengths instead of
-      `rtol` and `atol`. By default a `diffrax.PIDController` with these tolerances.
+    - `controller`: a diffrax step-size controller. The default, ``None``, is a
+      `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
       `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`,
       because impacts amplify small misalignments. Give a smaller `atol` if all speeds of the motion
@@ -137,6 +137,8 @@ class Settings:
             fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
             require(fine, name, value, "a number", remedy)
             require_positive(name, value, remedy, zero=zero)
+        # Errors are divided by atol + rtol |variable|, so one of both must be positive. Traced
+        # tolerances cannot be compared.
         known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
         if known is not None:
             rtol, atol = known

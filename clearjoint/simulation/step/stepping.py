@@ -95,6 +95,7 @@ def start(
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
     y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
     term, args = term_of(method), (system, entry_speeds)
+    # `wrap(1)` tells diffrax's controller that time runs forward.
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
     )
@@ -140,6 +141,7 @@ def _initial_ledger(
     in the bristles: the ledger counts under "friction" all energy that friction takes from the
     motion, including the part that bristles will return.
     """
+    # Only the names of the powers are needed: the equations are traced and not computed.
     _, powers = shapes_of(
         lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
     )
@@ -286,6 +288,8 @@ def _across_discontinuities(
         return y1, y_tangents
     t1 = trial.t1
 
+    # All corrections are one function of the system, so that `family` can differentiate them by the
+    # parameters. Bristles come last: they follow the corrected motion.
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         if contacts:
             time = one_sided_time(system, step.t, t1)

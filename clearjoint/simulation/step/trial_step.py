@@ -144,6 +144,8 @@ def try_step(
     time_map = time_map_of(method, step, t1)
     options = {} if time_map is None else {"time_map": time_map}
 
+    # Stabilisation and normalisation are part of the function that `family` differentiates, so that
+    # the tangents belong to the variables as they are after both.
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:

@@ -102,6 +102,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
             elapsed = fraction if time_map is None else time_map.elapsed(fraction)
+            # The last stage is at exactly t1; t0 + h may differ from it by rounding.
             t = t1 if fraction == 1.0 else t0 + elapsed * h
             last = terms.vf(t, y, args)
             stages.append(_rates_by_fraction(last, fraction, time_map))
