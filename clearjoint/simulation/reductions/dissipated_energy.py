@@ -109,8 +109,8 @@ class MeanPowerLost(AbstractWindowedReduction):
 def _lost_until(tally: LossTally, now: Instant, window: Window) -> LossTally:
     """Return the tally after the step that ends at `now`.
 
-    The losses at an edge of the window equal the losses so far until the run reaches the edge. The
-    step across the edge sets them to the losses there, by dense output; then they stay.
+    Until the run reaches an edge of the window, the tally has the latest losses for the edge. The
+    step across the edge sets them to the losses at the edge, by dense output; then they stay.
     """
     lost = _lost(now)
     # Before the edge: the losses so far. In the step across the edge: the losses at the edge. After

@@ -20,7 +20,7 @@ and the part of that duration for which the quantity was below each edge, s, (K,
 
 
 class Quantiles(AbstractWindowedReduction):
-    """Quantiles of a quantity over time: the value below which it is for a given part of the time.
+    """Quantiles of a quantity over time: values below which it stays for given parts of the time.
 
     Each result is named after its level, such as "0.5" for the median, and has the unit of the
     quantity. In each step the quantity is approximated by the parabola through both ends and the

@@ -84,8 +84,11 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """Return the results at the end of the run by name; the name "" stands for the output's own
-        name, and another one is appended to it after an underscore."""
+        """Return the results at the end of the run, by name.
+
+        The result "" has the output's own name. The other names are appended to the output's name
+        after an underscore: "time" of the output "force" becomes "force_time".
+        """
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:

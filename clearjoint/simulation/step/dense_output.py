@@ -112,7 +112,8 @@ class Snapshot(eqx.Module):
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return "time", s, and the values of the quantities in `channels`, by name."""
+        """Return "time", the scene's time in s, and the values of the quantities in `channels`, by
+        name."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
@@ -158,8 +159,8 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s since the system's `origin`, of the step. At its end,
-        this is the stored `end`."""
+        """Return the snapshot at a time t of the step, s since the system's `origin`; the stored
+        `end` at the end of the step."""
         length = self.end.t - self.start.t
         elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t

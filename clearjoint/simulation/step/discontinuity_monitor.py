@@ -32,8 +32,8 @@ STEEPEST = 4.0
 at both ends of the step predict. The change of a smooth rate is half of this sum, up to a third
 derivative that the tolerances keep small."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
-"""Smallest jump that is reported, relative to the rate that jumps and to the largest of all
-rates."""
+"""A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
+times the largest of all rates."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
@@ -85,7 +85,7 @@ def has_undeclared_jump(
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:
-    """Yield a module and all modules within it."""
+    """Yield `part`, if it is a module, and all modules within it, also those in lists and dicts."""
     if isinstance(part, eqx.Module):
         yield part
         part = vars(part)

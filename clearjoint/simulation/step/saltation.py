@@ -128,9 +128,11 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
 
 def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByLabel[LoadedContact]:
-    """Return the forces of contacts that may jump, as means between the event and the end of the
-    step, by joint and contact. They do not depend on whether a contact has an event in this
-    step."""
+    """Return the mean force of each contact that may jump, by joint and contact.
+
+    The mean is over the time from the event to the end of the step. It is found for each contact,
+    whether or not the contact has an event in this step.
+    """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: ByLabel[LoadedContact] = {}
     for name, labels in _jumping_contacts(system.scene).items():

@@ -70,6 +70,7 @@ def ready_solver(
 
 
 def _has_tolerances(solver: diffrax.AbstractImplicitSolver) -> bool:
-    """Whether the root finder has its own tolerances, not diffrax's "same as the controller"."""
+    """Whether the root finder has numbers as tolerances. Its default is a marker, which only
+    `diffrax.diffeqsolve` replaces by the tolerances of the controller."""
     rtol = getattr(solver.root_finder, "rtol", None)
     return isinstance(rtol, int | float | jax.Array)

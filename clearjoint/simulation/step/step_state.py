@@ -1,4 +1,5 @@
-"""Data that a run carries from step to step."""
+"""Data that a run carries from step to step: variables, contacts, tangents, and the next
+proposal."""
 
 from typing import TypeAlias, TypeVar
 

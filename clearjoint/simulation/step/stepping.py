@@ -243,8 +243,8 @@ def _accepted_state(
     Entry speeds are updated first, since they depend on the gaps as the solver found them. Then the
     variables are corrected for force discontinuities at the end of the step.
 
-    **Arguments:** `after`: the contact gaps at the end of the trial; `keep`: whether it is
-    accepted. If not, the result is not used, and branches under `keep` are skipped.
+    **Arguments:** `after`: the contact gaps at the end of the trial; `keep`: whether the trial is
+    accepted. The state after a rejected trial is not used, so a single run skips parts of the work.
     """
     t1, y1 = trial.t1, trial.outcome.y
     second_rates = choose(
@@ -393,8 +393,8 @@ def _second_rates(
 ) -> ByLabel[Scalar]:
     """Return the second derivatives of penetrations, m/s^2, by joint and contact.
 
-    They follow from the rates of the variables, which `UnrolledExplicit` keeps as its state; with
-    other solvers they are zero.
+    The rates of the variables, which `UnrolledExplicit` keeps as its state, determine them. With
+    other solvers the result is zero.
     """
     if contact_gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)

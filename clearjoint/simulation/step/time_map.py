@@ -44,8 +44,8 @@ class AbstractTimeMap(eqx.Module):
         """Return the length of the step to try next, s.
 
         **Arguments:** `proposed`: s, the controller's proposal, which assumes that the next step
-        has the same time map; `keep`: whether this step is accepted; if not, it is repeated from
-        the same start.
+        has the same time map; `keep`: whether this step is accepted. A rejected step is repeated
+        from its start.
         """
         del keep
         return proposed
@@ -96,10 +96,11 @@ class WithinContact(AbstractTimeMap):
         **Arguments:**
 
         - `length`: length of the step, s.
-        - `touches`: whether any contact exists; `begins`: whether one begins at the start of the
-          step.
-        - `since`: time since the latest onset, s; `until_end`: predicted time until the first
-          contact ends, s. Infinite if unknown.
+        - `touches`: whether any contact exists; `begins`: whether a contact begins at the start of
+          the step.
+        - `since`: time since the latest onset, s, infinite if there was none.
+        - `until_end`: predicted time until the first contact ends, s, infinite if none is expected
+          to end.
         """
         # The nearer singularity decides. At an onset `since` may still be that of an earlier
         # contact, so `begins` overrides it.

@@ -201,9 +201,9 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
     """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages f_i.
 
-    They do not depend on the step. diffrax's interpolant is linear in the stages, so it is
-    evaluated for unit stages at Chebyshev nodes x. Its operations are executed one by one: a
-    compiler would fuse them, and the digits would differ between processors.
+    The polynomials do not depend on the step. diffrax's interpolant is linear in the stages, so it
+    is evaluated for unit stages at Chebyshev nodes x. The operations of the interpolant are
+    executed one by one: a compiler would fuse them, and the digits would differ between processors.
 
     **Returns:** the coefficients, (stages, degree + 1), lowest power of x first, where x is the
     fraction of the step.
