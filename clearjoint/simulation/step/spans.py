@@ -17,9 +17,10 @@ and the lengths of the first steps are a small part of the duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s; traced times are not checked.
+    """Check the `start` and `end` time of a run, s; values of traced times are not checked.
 
-    **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start.
+    **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
+    by at least `SHORTEST`.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
@@ -49,7 +50,7 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 
     **Returns:** the times, (N,), in double precision. Times that are outside of the run by rounding
-    alone are moved to its start or end. Traced times are returned unchecked.
+    alone are moved to its start or end. Traced times are only checked for their shape.
 
     **Raises:** `ValueError` for times that decrease or are outside of the run.
     """

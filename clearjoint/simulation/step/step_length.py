@@ -69,7 +69,8 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length of the next step, s, at least that of a step which an event cut short."""
+    """Return the length of the next step, s: the proposed one, but after a step that an event cut
+    short (`is_cut`) at least the full length of the last proposal."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
