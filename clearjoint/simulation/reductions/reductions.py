@@ -244,7 +244,6 @@ _GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
 
 
 Triplet = tuple[Scalar, Scalar, Scalar]
-"""DELETE"""
 StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
 """State of `Statistics`: (latest time, s, and the value there), (duration inside the window, s, and
 the integrals over it of the value and of its square), (smallest and largest value)."""
