@@ -1,11 +1,11 @@
-"""Result codes of runs."""
+"""Result codes: how a run ended."""
 
 import equinox as eqx
 import numpy as np
 
 
 class RESULTS(eqx.Enumeration):
-    """Result codes; `RESULTS[code]` is the message.
+    """How a run ended. Each code, such as `RESULTS.successful`, has a message, `RESULTS[code]`.
 
     >>> cj.RESULTS[cj.RESULTS.successful]
     'The run reached its end time.'
@@ -65,7 +65,8 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the number of a result code, or of an array of result codes.
+    """Return the whole number that stands for a result code, as an array of shape (); for an array
+    of N result codes, (N,).
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0
@@ -74,7 +75,7 @@ def result_number(result: RESULTS) -> np.ndarray:
 
 
 def result_numbers() -> dict[str, int]:
-    """Return the number of each result code by name.
+    """Return the whole number of each result code, by the name of the code.
 
     >>> extend.result_numbers()["max_steps_reached"]
     1

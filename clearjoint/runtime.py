@@ -1,6 +1,7 @@
 """Settings of a process: 64-bit floats, the cache of compiled programs, threads of sweeps.
 
-Nothing is set at import. Runs refuse 32-bit floats, which are JAX's default.
+Importing the package changes none of them: call `configure`. Runs refuse 32-bit floats, which are
+JAX's default.
 """
 
 import math
@@ -38,17 +39,17 @@ _MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
 _SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
 _NATIVE = "CLEARJOINT_NATIVE"
 Setting = bool | float | str | None
-"""Value of a setting of a process."""
+"""Type of a setting's value in the dict from `in_force`."""
 _threads: int | None = None
-"""Number of threads of sweeps, if set by `configure` or `adopt`."""
+"""Number of threads of sweeps; ``None`` until `configure` or `adopt` sets it."""
 
 
 def default_cache() -> Path:
-    """Return the folder of the compilation cache: ``CLEARJOINT_CACHE``, or one in the user's cache
-    folder.
+    """Return the default folder of compiled programs.
 
-    Empty variables are ignored, and so is a relative path in ``XDG_CACHE_HOME`` (XDG Base Directory
-    Specification).
+    It is the environment variable ``CLEARJOINT_CACHE`` or, if that is unset or empty,
+    ``clearjoint`` in the user's cache folder: ``XDG_CACHE_HOME`` if that is an absolute path, else
+    ``~/.cache``.
     """
     if given := os.environ.get("CLEARJOINT_CACHE"):
         return Path(given)
@@ -57,33 +58,34 @@ def default_cache() -> Path:
 
 
 def configure(threads: int | None = None, cache: str | os.PathLike | None = None) -> None:
-    """Switch 64-bit floats on, and set the folder of compiled programs.
+    """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
 
-    Call it before JAX computes anything, if possible: existing arrays keep their precision, and
-    calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if XLA has
-    not read its flags yet (see `XLA_FLAGS`).
+    Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
+    precision. Calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if
+    XLA has not read its flags before (see `XLA_FLAGS`).
 
-    Machine code is saved in the folder, under a digest of the code that it is compiled from. If the
-    arguments of a call consist only of this package's classes, numbers, strings and arrays, the
-    whole program is saved, and the next process loads it without tracing. A call with a
-    user-defined class or function is traced in each process, so that changes of its code are never
-    missed. Replaced functions and constants of this package are noticed, and so is an upgrade while
-    a process runs; replaced private functions of the packages that it uses (JAX, Diffrax, Equinox,
-    ...) are not. If you replace these, set the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``,
-    which switches saving of whole programs off. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all
-    saving off.
+    The folder keeps machine code between processes. If the arguments of a call consist only of this
+    package's classes, numbers, strings and arrays, the whole program is saved, and the next process
+    loads the program without tracing. A call with a user-defined class or function is traced in
+    each process, so that a change of the user's code always takes effect. A process also notices if
+    functions or constants of this package are replaced, or if the package is upgraded, and does not
+    use programs from before. It does not notice if private functions of other packages (JAX,
+    Diffrax, Equinox, ...) are replaced. In that case set the environment variable
+    ``CLEARJOINT_KEEP_PROGRAMS=0``: no whole programs are saved then, only machine code.
+    ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
-    Files in the folder are executed. It is made for you alone, and a folder to which other users
-    may write is not used, with a warning. Programs in a read-only folder are used.
+    Files in the folder are executed. A new folder is accessible to you alone. A folder to which
+    other users may write is not used, with a warning. A read-only folder is read, not written.
 
     **Arguments:**
 
     - `threads`: number of threads that share the lanes of sweeps. Default: one for each core that
       the process may use, or for each accelerator.
-    - `cache`: folder of the persistent compilation cache. Default: the variable
-      ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
+    - `cache`: folder of compiled programs. Default: the environment variable ``CLEARJOINT_CACHE``,
+      or ``clearjoint`` in the user's cache folder.
 
-    **Raises:** `ValueError` if `threads` is not a positive whole number, or `cache` is a file.
+    **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file, or
+    if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
 
     >>> cj.configure()
     >>> jnp.asarray(1.0).dtype
@@ -100,13 +102,17 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     _threads = threads
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
+    # With an infinite minimum of compile time JAX does not try to write programs.
     read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
     jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
     keep_programs(keep)
 
 
 def _keep() -> bool:
-    """Read from the environment whether programs are saved; yes unless the variable is set."""
+    """Return whether whole programs are saved: not if ``CLEARJOINT_KEEP_PROGRAMS`` is "0".
+
+    **Raises:** `ValueError` if the variable is neither "0" nor "1".
+    """
     value = os.environ.get(_KEEP) or "1"
     if value not in ("0", "1"):
         raise ValueError(
@@ -117,7 +123,7 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Return the folder of the cache, or warn and return ``None`` if it must not be used."""
+    """Return the folder `cache`; if it must not be used, warn and return ``None``."""
     problem = None if "://" in cache else prepare_folder(Path(cache))
     if problem is None:
         return cache
@@ -126,7 +132,8 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the lanes of sweeps."""
+    """Return the number of threads that share the lanes of sweeps: that set by `configure` or, if
+    none was set, the number of cores that the process may use, or of accelerators."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -137,15 +144,21 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings of this process that affect its results and its speed, for `adopt`."""
+    """Return the settings of this process that affect results and speed, by name.
+
+    Another process takes them over with `adopt`.
+    """
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Take over the settings of another process, for which this one computes.
+    """Take over the settings of another process, whose work this process shares.
 
-    On CPUs it uses one thread, since the processes share the cores.
+    **Arguments:** `values`: the dict that `in_force` returned in the other process.
+
+    On CPUs, if `configure` has not set a number of threads, sweeps use one thread: the processes
+    share the cores.
     """
     global _threads
     for name in _SHARED:

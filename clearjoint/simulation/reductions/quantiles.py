@@ -1,4 +1,4 @@
-"""Quantiles of a quantity over time, accumulated during a run in bounded memory."""
+"""Quantiles of a quantity over time, found during a run in a fixed amount of memory."""
 
 from typing import TypeAlias
 
@@ -15,19 +15,20 @@ from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
-"""The latest instant, s, and the value there; the duration inside the window, s; and the time in
-it, s, for which the quantity was below each edge, (K,)."""
+"""State of `Quantiles`: (latest time, s, and the value there), the duration inside the window, s,
+and the part of that duration for which the quantity was below each edge, s, (K,)."""
 
 
 class Quantiles(AbstractWindowedReduction):
-    """Quantiles of a quantity over time; "0.5" is the median.
+    """Quantiles of a quantity over time: values below which it stays for given parts of the time.
 
-    In each step the quantity is approximated by the parabola through both ends and the middle. The
-    time for which it is below each of the `edges` is accumulated; between two edges, a quantile is
-    interpolated. Its error is less than their distance. A quantile below the first edge or above
-    the last one is NaN: widen the edges.
+    Each result is named after its level, such as "0.5" for the median, and has the unit of the
+    quantity. In each step the quantity is approximated by the parabola through both ends and the
+    middle. The time for which the quantity is below each of the `edges` is added up; between two
+    edges, the quantile is interpolated. Its error is less than the distance of these edges. A
+    quantile below the first edge or above the last edge is NaN: widen the edges.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`; these are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`, whose quantiles are exact.
 
     ```python
     import clearjoint as cj
@@ -40,12 +41,15 @@ class Quantiles(AbstractWindowedReduction):
 
     **Arguments:**
 
-    - `quantity`, `unit`: as for `Peak`.
-    - `edges`: (K,), increasing, in the unit; two at least. Memory and time of a step grow with K.
-    - `levels`: between 0 and 1; the results are named after them.
-    - `after`, `until`: s, the window of time, as for `Peak`.
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `edges`: (K,) increasing values in `unit`, K at least 2. Memory and time of a step grow with
+      K.
+    - `levels`: parts of the time, between 0 and 1, one for each quantile.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run ended before the window.
 
-    **Raises:** `ValueError` for edges that do not increase, and for levels outside 0 to 1.
+    **Raises:** `ValueError` for edges that do not increase, for levels outside 0 to 1, and for a
+    window that does not end after its start.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -63,11 +67,11 @@ class Quantiles(AbstractWindowedReduction):
         require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
 
     def start(self, now: Instant) -> QuantilesTally:
-        """Return the instant and the value there, with zero durations."""
+        """Return the tally at the start of the run, with durations of zero."""
         return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
 
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
-        """Add the part of the step that is inside the window."""
+        """Return the tally with the part of the step that is in the window added."""
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
@@ -80,14 +84,16 @@ class Quantiles(AbstractWindowedReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:
-        """Return the quantile of each level; NaN if no edges enclose it, or if the run ended before
-        the window."""
+        """Return the quantile of each level by name, such as "0.95"; NaN if the quantile is outside
+        of the edges, or if the run ended before the window."""
         del now
         _, duration, below = tally
         edges, last = jnp.asarray(self.edges), len(self.edges) - 1
         quantiles = {}
         for level in self.levels:
             target = level * duration
+            # k edges are below the quantile. It is interpolated between edge k - 1 and edge k; k is
+            # clipped so that both exist, and the result is replaced by NaN if the clip was needed.
             k = jnp.sum(below < target)
             above = jnp.clip(k, 1, last)
             low, high = below[above - 1], below[above]
@@ -98,5 +104,5 @@ class Quantiles(AbstractWindowedReduction):
         return quantiles
 
     def units(self) -> dict[str, str]:
-        """Return the quantity's unit for each level."""
+        """Return the unit of the quantity for each level."""
         return {f"{level:g}": self.unit for level in self.levels}

@@ -1,7 +1,7 @@
-"""Reductions: results that are accumulated during a run, at every accepted step.
+"""Reductions: outputs of a run that are updated at every accepted step.
 
-User-defined reductions subclass `AbstractReduction`. The tally of a reduction is a PyTree of
-scalars, so memory does not grow with the number of steps.
+Subclass `AbstractReduction` for reductions of your own. A reduction carries a tally, a PyTree of
+arrays of fixed shape, from step to step; memory does not grow with the number of steps.
 """
 
 import abc
@@ -25,9 +25,11 @@ from .windows import Instants, Window, optional_time
 
 
 class AbstractReduction(AbstractConverting):
-    """Base class of results that are accumulated during a run.
+    """Base class of outputs that are updated at every accepted step of a run.
 
-    A subclass that reads `Instant.work` sets `needs_ledger = True`.
+    A subclass defines `start`, `update`, `results` and `units`, which JAX traces. If it reads the
+    integrals `Instant.work`, it sets `needs_ledger = True`. The example adds up the time in s
+    during which a contact force exceeds a limit; its tally is the latest time and the sum:
 
     ```python
     import clearjoint as cj
@@ -61,7 +63,7 @@ class AbstractReduction(AbstractConverting):
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that the reduction names.
 
-        By default the fields that are quantities are checked; a subclass may check more.
+        The default checks all fields that are quantities; a subclass may check more.
 
         **Raises:** `ValueError` that lists the known names.
         """
@@ -70,26 +72,37 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """Return the tally, the data carried from step to step, at the start of the run."""
+        """Return the tally at the start of the run; `update` must return the same structure."""
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
-        """Return the tally after an accepted step that ends now."""
+        """Return the tally after an accepted step.
+
+        **Arguments:** `tally`: that at the start of the step; `now`: the instant at the end of the
+        step, with `now.inside(x)` at the fraction x, 0 to 1, of its time.
+        """
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """Return the results at the end of the run by name; "" is the output's own name."""
+        """Return the results at the end of the run, by name.
+
+        The result "" has the output's own name. The other names are appended to the output's name
+        after an underscore: "time" of the output "force" becomes "force_time".
+        """
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
-        """Return the unit of each result, by the names in `results`."""
+        """Return the unit of each result, with the keys of the dict from `results`."""
 
 
 def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
-    """Check the reductions among some outputs: that the scene has the elements they name, and that
-    the run integrates the energy `ledger` if one needs it.
+    """Check the reductions among `outputs`; other outputs are ignored.
 
-    **Raises:** `ValueError` that names the output.
+    **Arguments:** `outputs`: outputs by name; `ledger`: whether the run integrates the energy
+    ledger.
+
+    **Raises:** `ValueError` that names the output, if the scene lacks an element that the reduction
+    names, or if the reduction needs the ledger and the run has none.
     """
     for name, output in outputs.items():
         if not isinstance(output, AbstractReduction):
@@ -104,7 +117,12 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time, from `after` to `until`, s."""
+    """Base class of reductions over a window of time.
+
+    **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+    """
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
@@ -117,8 +135,12 @@ class AbstractWindowedReduction(AbstractReduction):
 
 
 class PeakTally(NamedTuple):
-    """The highest value so far and its time, s; the value at the latest instant `now`, s; and the
-    value at the instant `before` it, s."""
+    """State of `Peak` after an accepted step.
+
+    - `highest`, `time`: the highest value so far, and its time, s.
+    - `last`, `now`: the value at the latest instant, and the time of that instant, s.
+    - `last_before`, `before`: the same at the instant one step earlier.
+    """
 
     highest: Scalar
     time: Scalar
@@ -129,10 +151,11 @@ class PeakTally(NamedTuple):
 
 
 class Peak(AbstractWindowedReduction):
-    """Largest value of a quantity, "", and its time, "time".
+    """Largest value of a quantity in a run, with the time at which it occurs.
 
-    Values inside steps are included, by the solver's dense output. At usual tolerances the peak of
-    a contact force agrees with that of the table of impacts to 1e-6.
+    The results are named "" (the value) and "time" (s). The peak may lie between the ends of a
+    step: it is searched in the solver's dense output. At usual tolerances the peak of a contact
+    force agrees with that of the table of impacts to 1e-6 of its value.
 
     ```python
     import clearjoint as cj
@@ -143,9 +166,10 @@ class Peak(AbstractWindowedReduction):
 
     **Arguments:**
 
-    - `quantity`: a scalar function of an `Instant`; `unit`: its unit.
-    - `after`, `until`: s, the window of time, by default the whole run. Of a step across its edge
-      the part inside counts. Both results are NaN for a run that ended before it.
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `after`, `until`: s, the window of time, by default the whole run. If a step crosses an edge
+      of the window, only its part inside counts. Both results are NaN if the run ended before the
+      window.
 
     **Raises:** `ValueError` for a window that does not end after its start.
 
@@ -161,11 +185,8 @@ class Peak(AbstractWindowedReduction):
         require_quantity("quantity", self.quantity)
 
     def start(self, now: Instant) -> PeakTally:
-        """Return the tally at the start of the run.
-
-        The highest value is that at the start, or minus infinity if the start is outside the
-        window.
-        """
+        """Return the tally at the start of the run. If the start is outside of the window, the
+        highest value is minus infinity."""
         value, window = self._value(now), self._window()
         highest = value
         if not window.is_whole:
@@ -173,7 +194,7 @@ class Peak(AbstractWindowedReduction):
         return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """Return the tally with the highest value in the part of the step inside the window."""
+        """Return the tally with the largest value of the part of the step that is in the window."""
         # The search takes the value at the start of the previous step too: a parabola through it
         # and both ends of this step gives the first guess of the peak.
         length = now.time - tally.now
@@ -204,10 +225,8 @@ class Peak(AbstractWindowedReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """Return the largest value, in the quantity's unit, and its time, s.
-
-        Both are NaN if the run ended before the window.
-        """
+        """Return the largest value, "", and its time, "time", s; NaN if the run ended before the
+        window."""
         del now
         if self._window().is_whole:
             return {"": tally.highest, "time": tally.time}
@@ -216,7 +235,7 @@ class Peak(AbstractWindowedReduction):
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
     def units(self) -> dict[str, str]:
-        """Return the quantity's unit for the largest value, and "s" for its time."""
+        """Return the unit of the quantity for "", and "s" for "time"."""
         return {"": self.unit, "time": "s"}
 
 
@@ -226,18 +245,23 @@ _GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
 
 Triplet = tuple[Scalar, Scalar, Scalar]
 StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
-"""The latest instant, s, and the value there; the duration inside the window, s, and the integrals
-of the value and its square; the smallest and the largest value."""
+"""State of `Statistics`: (latest time, s, and the value there), (duration inside the window, s, and
+the integrals over it of the value and of its square), (smallest and largest value)."""
 
 
 class Statistics(AbstractWindowedReduction):
-    """ "mean", "rms", "smallest" and "largest" value of a quantity over a window of time.
+    """Mean, root mean square, smallest and largest value of a quantity over a window of time.
 
+    The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle.
 
-    **Arguments:** `quantity`, `unit`, `after` and `until` as for `Peak`.
+    **Arguments:**
 
-    **Raises:** `ValueError` as `Peak`.
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run ended before the window.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
 
     >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
     >>> list(speed.units())
@@ -251,11 +275,8 @@ class Statistics(AbstractWindowedReduction):
         require_quantity("quantity", self.quantity)
 
     def start(self, now: Instant) -> StatisticsTally:
-        """Return the tally at the start of the run.
-
-        The integrals are zero. Both extremes are the first value; if the start is outside the
-        window, the smallest value is infinite and the largest is minus infinity.
-        """
+        """Return the tally at the start of the run, with integrals of zero. If the start is outside
+        of the window, the extremes are infinite."""
         value = jnp.asarray(self.quantity(now), dtype=float)
         zero = jnp.zeros_like(value)
         window = self._window()
@@ -264,7 +285,7 @@ class Statistics(AbstractWindowedReduction):
         return (now.time, value), (zero, zero, zero), extremes
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """Return the tally with the part of the step that is inside the window."""
+        """Return the tally with the part of the step that is in the window added."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, jnp.asarray(self.quantity(now), dtype=float)
         arc = Parabola.through(u, jnp.asarray(self.quantity(now.middle), dtype=float), v)
@@ -286,10 +307,8 @@ class Statistics(AbstractWindowedReduction):
         return (t1, v), sums, (smallest, largest)
 
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
-        """Return mean, rms, smallest and largest value by name, in the quantity's unit.
-
-        They are NaN if the run ended before the window.
-        """
+        """Return "mean", "rms", "smallest" and "largest"; NaN if the run ended before the
+        window."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -302,5 +321,5 @@ class Statistics(AbstractWindowedReduction):
         }
 
     def units(self) -> dict[str, str]:
-        """Return the quantity's unit for the mean, the rms, the smallest and the largest value."""
+        """Return the unit of the quantity for each of the four results."""
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)

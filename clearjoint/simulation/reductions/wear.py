@@ -1,4 +1,4 @@
-"""Wear of a bearing's wall, accumulated during a run."""
+"""Reduction for the wear of a bearing's wall by Archard's law."""
 
 import math
 
@@ -16,28 +16,33 @@ from ...quantities.instant import Instant
 from .reductions import AbstractWindowedReduction
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
-"""The latest instant, s; the rates of wear there, m^3/s, and the volumes so far, m^3, by base and
-sector."""
+"""State of `ArchardWear`: the latest time, s; the rates of wear there, m^3/s; and the worn volumes
+so far, m^3. Rates and volumes are dicts by base ("V", "W") of lists by sector."""
 
 
 class ArchardWear(AbstractWindowedReduction):
-    r"""Wear volumes of a bearing's wall, m^3: "" of both bases of the journal together, "V" and "W"
-    of each base, and "V 1", "V 2", ... of each sector.
+    r"""Volumes, m^3, that sliding contacts wear off a bearing's wall.
 
     $$\frac{dV}{dt} = \frac{k F_N |v_t|}{H}$$
 
-    dV = k F_N |v_t|/H dt is integrated by Simpson's rule in each step. Sectors have equal angles
-    about the bearing's axis and are fixed to the bearing; the first one begins at the x axis of the
-    bearing's frame, that of `JournalOffset`, and their order is from x to y. The geometry of the
-    wall does not change: the mean wear depth of a sector is its volume over its area. Only the dry
-    contact causes wear, not a film.
+    with the volume V, m^3, the normal contact force F_N, N, and the sliding speed |v_t|, m/s,
+    integrated by Simpson's rule in each step. The results are named "" (both bases of the journal
+    together), "V" and "W" (each base), and "V 1", "V 2", ..., "W 1", ... (sectors of each base).
+    Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
+    at the x axis of the bearing's frame, the frame of `JournalOffset`; the angle grows from x to y.
+    The geometry of the wall does not change: the mean wear depth of a sector is its volume over its
+    area. Only the dry contact causes wear, not a film.
 
     **Arguments:**
 
-    - `joint`: name of a clearance joint.
+    - `joint`: name of a clearance joint with a journal.
     - `coefficient`: k, without unit; `hardness`: H, Pa.
-    - `sectors`: number of sectors.
-    - `after`, `until`: s, the window of time, as for `Peak`.
+    - `sectors`: number of sectors of each base.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run ended before the window.
+
+    **Raises:** `ValueError` for a number outside of its range, and for a window that does not end
+    after its start.
 
     **Source:** J. F. Archard 1953.
 
@@ -57,18 +62,22 @@ class ArchardWear(AbstractWindowedReduction):
         require_count("sectors", self.sectors, "give a number of sectors")
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that it has a journal."""
+        """Check that the scene has the joint, and that the joint has a journal.
+
+        **Raises:** `ValueError` that lists the names of such joints.
+        """
         joints = scene.contact_joints()
         journals = [name for name, joint in joints.items() if isinstance(joint, HasJournal)]
         require_known("joint", self.joint, journals)
 
     def start(self, now: Instant) -> WearTally:
-        """Return the rates at the start, and zero volumes."""
+        """Return the tally at the start of the run, with volumes of zero."""
         none: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
         return now.time, self._rates(now), none
 
     def update(self, tally: WearTally, now: Instant) -> WearTally:
-        """Add the volumes of the step's part in the window."""
+        """Return the tally with the volumes added that wear in the part of the step in the
+        window."""
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(), now.time - before, now.middle
@@ -76,6 +85,7 @@ class ArchardWear(AbstractWindowedReduction):
             a, b = window.fractions(before, now.time)
             at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
+        # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0
         worn = {
             base: [
@@ -89,7 +99,7 @@ class ArchardWear(AbstractWindowedReduction):
         return now.time, latest, worn
 
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
-        """Return the wear volumes up to the end of the run, or in the window, m^3."""
+        """Return the worn volumes, m^3, by result name; NaN if the run ended before the window."""
         _, _, volumes = tally
         of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
         of_sectors = {
@@ -103,7 +113,7 @@ class ArchardWear(AbstractWindowedReduction):
         return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
 
     def units(self) -> dict[str, str]:
-        """Return m^3 for each."""
+        """Return "m^3" for each result."""
         of_sectors = [self._label(base, k) for base in BASES for k in range(self.sectors)]
         return dict.fromkeys(("", *BASES, *of_sectors), "m^3")
 
@@ -111,10 +121,12 @@ class ArchardWear(AbstractWindowedReduction):
         return f"{base} {sector + 1}"
 
     def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
-        """Return the rates of wear by base and sector, m^3/s."""
+        """Return the rates of wear, m^3/s, as a dict by base of lists by sector."""
         return {base: self._rates_at(now, base) for base in BASES}
 
     def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
+        """Return the rate of wear of each sector at a base, m^3/s; only the sector in contact
+        wears."""
         joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
         assert isinstance(joint, HasJournal)
         speed = self._sliding_speed(now, base)
@@ -127,7 +139,7 @@ class ArchardWear(AbstractWindowedReduction):
         return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
 
     def _sliding_speed(self, now: Instant, base: str) -> Scalar:
-        """Return the sliding speed at a base, m/s, also in a joint without friction."""
+        """Return the sliding speed of the surfaces at a base, m/s; defined without friction too."""
         contact = now.contacts[self.joint][base].contact
         first, second = (
             now.motions[name] for name in now.scene.contact_joints()[self.joint].pair()

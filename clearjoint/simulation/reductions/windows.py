@@ -1,4 +1,4 @@
-"""Time windows of reductions. Without a window, the program contains nothing of it."""
+"""Time windows of reductions. For a whole run, the compiled program has no operations for them."""
 
 import math
 from typing import Annotated, TypeAlias
@@ -11,11 +11,14 @@ from ...fields.checks import as_number, require
 from ...math.vectors import Condition, Scalar
 
 Instants: TypeAlias = Annotated[float | None, "s"]
-"""A time in s, or ``None`` for the start or end of the run."""
+"""A time in s; ``None`` for the start or the end of the run."""
 
 
 def optional_time(value: Instants) -> Instants:
-    """Convert a time to a Python float; ``None`` stays."""
+    """Return a time, s, as a Python float; ``None`` stays.
+
+    **Raises:** `ValueError` if `value` is not a single number, or NaN.
+    """
     if value is None:
         return None
     time = np.asarray(as_number(value))
@@ -25,7 +28,10 @@ def optional_time(value: Instants) -> Instants:
 
 
 class Window(eqx.Module):
-    """The part of a run from `after` on and before `until`, s."""
+    """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+    """
 
     after: Instants = eqx.field(static=True, converter=optional_time)
     until: Instants = eqx.field(static=True, converter=optional_time)
@@ -41,17 +47,17 @@ class Window(eqx.Module):
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is the whole run."""
+        """Whether the window is the whole run."""
         return self.after is None and self.until is None
 
     @property
     def start(self) -> float:
-        """Start of the window, s."""
+        """Start of the window, s; minus infinity if `after` is ``None``."""
         return -math.inf if self.after is None else self.after
 
     @property
     def end(self) -> float:
-        """End of the window, s."""
+        """End of the window, s; infinity if `until` is ``None``."""
         return math.inf if self.until is None else self.until
 
     def holds(self, time: Scalar) -> Condition:
@@ -59,12 +65,17 @@ class Window(eqx.Module):
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the fractions, 0 to 1, of a step from `begin` to `end`, s, between which it is in
-        the window; equal fractions if it is not."""
+        """Return the part of a step that is in the window, as two fractions of the step, 0 to 1.
+
+        **Arguments:** `begin`, `end`: start and end of the step, s.
+
+        **Returns:** the fractions where the part begins and ends, equal if no part is in the
+        window.
+        """
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return the value, or NaN if the run ended, at a time in s, before the window."""
+        """Return `value`; NaN if the run ended at a `time`, s, before the start of the window."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)

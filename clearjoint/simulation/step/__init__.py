@@ -1,1 +1,1 @@
-"""One step of a run: trial, acceptance, landing on events, and derivatives along parameters."""
+"""One step of a run: trial, acceptance, landing on events, and derivatives by parameters."""

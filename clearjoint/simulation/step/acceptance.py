@@ -25,19 +25,23 @@ from .step_state import Method, Proposal, Step, Variables, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
-"""A condition as diffrax annotates it."""
+"""A truth value, (), with diffrax's annotation."""
 
 DRIVER_TOLERANCE = 3.0
-"""Allowed mismatch between a driver's change over a step and the integral of its rates, in relative
-tolerances of the step."""
+"""Largest difference between a driver's change over a step and the integral of its rates, in
+relative tolerances of the step."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the controller has none, as in runs with fixed steps."""
 SHORTER = 0.2
-"""Length of the next trial relative to one over which a driver was not smooth."""
+"""Length of the next trial, relative to a trial that is rejected because a driver is not smooth."""
 
 
 class StepDecision(eqx.Module):
-    """Whether a trial is accepted, the step to try next, and the result code of the run so far."""
+    """What happens after a trial.
+
+    - `keep`: whether the trial is accepted; `proposal`: the step to try next.
+    - `result`: the result code of the run so far.
+    """
 
     keep: Condition
     proposal: Proposal
@@ -45,7 +49,8 @@ class StepDecision(eqx.Module):
 
 
 class _ControllerDecision(eqx.Module):
-    """Outputs of the step-size controller for a trial, by diffrax's names."""
+    """Outputs of diffrax's step-size controller for a trial, by the names of its API; `t_next` in
+    s."""
 
     keep: Flag
     t_next: Single
@@ -57,11 +62,15 @@ class _ControllerDecision(eqx.Module):
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, after: ContactGaps, t_end: Scalar
 ) -> StepDecision:
-    """Decide what happens to a trial that ends with the contact gaps `after`.
+    """Decide whether a trial is accepted, and which step is tried next.
 
-    The step-size controller decides first. A trial that it accepts is still rejected if a driver is
-    not smooth over it, or if it passes a contact event on which it must land; it is then repeated
-    with a shorter step or up to the event.
+    The step-size controller decides first. A trial that the controller accepts is still rejected if
+    a driver is not smooth over the step, or if the step passes a contact event on which it must
+    land. It is then repeated, in the first case with a shorter step, in the second case up to the
+    event.
+
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
+    trial; `t_end`: end of the run, s.
     """
     t1, last = trial.t1, step.proposal
     decision = _controller_decision(method, system, step, trial)
@@ -130,7 +139,12 @@ def decide_step(
 
 
 def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Condition) -> Scalar | None:
-    """Return `Proposal.time_since_onset` after a trial that ends with the contact gaps `after`."""
+    """Return the time since the latest onset for the next `Proposal`, s; ``None`` without
+    derivatives.
+
+    **Arguments:** `after`: the contact gaps at the end `t1`, s, of the trial; `keep`: whether the
+    trial is accepted.
+    """
     since = step.proposal.time_since_onset
     if since is None:
         return None
@@ -141,9 +155,10 @@ def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Conditio
 def _controller_decision(
     method: Method, system: System, step: Step, trial: Trial
 ) -> _ControllerDecision:
-    """Ask the step-size controller, with the errors of state and derivatives together.
+    """Ask the step-size controller, with the errors of variables and tangents together.
 
-    Errors of derivatives count in tolerances of the state times `derivative_tolerance`.
+    The controller has one tolerance for both. Errors of tangents are therefore divided by
+    `derivative_tolerance` first.
     """
 
     def scaled(y: Variables) -> Variables:
@@ -183,8 +198,13 @@ def _result(
 ) -> RESULTS:
     """Return the result code of the run after a trial; a later check overrides an earlier one.
 
-    **Arguments:** `keep`: whether the trial is accepted; `refused`: whether it was rejected because
-    of a driver, ``None`` without drivers; `t_next`: s, end of the step proposed next.
+    **Arguments:**
+
+    - `keep`: whether the trial is accepted.
+    - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
+    - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
+    - `controller_result`: diffrax's result code of the controller.
+    - `after`: the contact gaps at the end of the trial.
     """
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

@@ -1,10 +1,11 @@
 """State at a breakpoint: velocity jumps prescribed by drivers, and derivatives across breakpoints.
 
-As in `.saltation`, the state at the end of a step that lands on a breakpoint is corrected by the
-change of the rates there, times the time since the breakpoint. This time is zero to rounding, but
-has a derivative along everything on which the breakpoint depends. Where the angle of a driver has a
-kink, velocities jump by an impulse of the constraints, to the nearest velocities in the metric of
-the mass matrix.
+A step that lands on a breakpoint is corrected as in `.saltation`: the change of the rates at the
+breakpoint, times the time since the breakpoint, is added to the variables. This time is zero to
+rounding, but its derivatives by the parameters on which the breakpoint depends are not zero. Where
+the angle of a driver has a kink, an impulse of the constraints changes the velocities. The new
+velocities are those that satisfy the constraints and differ least from the old ones, in the metric
+of the mass matrix.
 """
 
 from collections.abc import Mapping
@@ -29,8 +30,11 @@ T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
-    """Force interpolated between its values at two times: `force(before) + share * (force(after) -
-    force(before))`."""
+    """A force whose wrenches and power are interpolated linearly between those at two times.
+
+    - `force`: the force; `before`, `after`: the two times of the scene, s.
+    - `share`: 0 for the values at `before`, 1 for those at `after`.
+    """
 
     force: AbstractForce
     before: Scalar
@@ -42,7 +46,7 @@ class SwitchedForce(AbstractForce):
         return self.force.body_names()
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the interpolated wrenches on the bodies; `t` is not used."""
+        """Return the interpolated wrenches, N and N m, by body name; `t` is not used."""
         del t
         old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
         return {
@@ -69,10 +73,13 @@ def across_breakpoints(
     t: Scalar,
     keep: Condition,
 ) -> Variables:
-    """Return the variables at the end of a step, corrected if it lands on breakpoints.
+    """Return the variables at the end of a step, corrected if the step lands on breakpoints.
 
-    **Arguments:** `start`, `t`: s, start and end of the step; `y`: the variables at its end;
-    `entry_speeds`: m/s, at its start; `keep`: whether it is accepted.
+    **Arguments:**
+
+    - `start`, `t`: start and end of the step, s since the system's `origin`.
+    - `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
+    - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
     scene = system.scene
     since = since_breakpoints(system, start, t)
@@ -100,6 +107,7 @@ def across_breakpoints(
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
         return y
 
+    # Few steps land on a breakpoint; a single run computes the correction for these only.
     lands: Condition = jnp.asarray(False)
     for lands_on_own, _ in since.values():
         lands = lands | lands_on_own
@@ -109,7 +117,10 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force in `shares` as a `SwitchedForce` of that share."""
+    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`.
+
+    **Arguments:** `before`, `after`: times on both sides of a breakpoint, s since the `origin`.
+    """
     sides = system.clock(before), system.clock(after)
     forces = {
         name: SwitchedForce(force, *sides, shares[name]) if name in shares else force
@@ -119,22 +130,26 @@ def _with_shares(
 
 
 def _mean_time(since: dict[str, tuple[Condition, Scalar]]) -> Scalar:
-    """Return the mean time since the breakpoints that a step lands on, s.
+    """Return the mean of the times since the breakpoints on which a step lands, s.
 
     Drivers with breakpoints at the same instant are assumed to change together.
+
+    **Arguments:** `since`: whether the step lands on a breakpoint of the driver, and the time since
+    this breakpoint, s (zero if not); by driver.
     """
     count = sum(jnp.asarray(lands, float) for lands, _ in since.values())
     return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
 
 
 def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
+    """Return the variables moved on with constant rates for a `time`, s."""
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables with velocities projected onto the constraints as they are from t on.
+    """Return the variables with velocities that satisfy the constraints just after the time t, s.
 
-    The kinetic energy that the impulse of the constraints adds is booked as supplied.
+    The ledger counts the kinetic energy that the impulse of the constraints adds as "supplied".
     """
     motion = system.project_velocities(y.motion, t)
     work = y.work
@@ -145,5 +160,6 @@ def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def joints_have_breakpoints(scene: Scene) -> bool:
-    """Whether velocities may jump at a breakpoint: a force alone cannot make them."""
+    """Return whether a joint or driver has breakpoints, at which velocities may jump. Breakpoints
+    of forces change accelerations only."""
     return any(name in scene.joints for name in breakpoints(scene))

@@ -1,4 +1,4 @@
-"""State inside an accepted step by dense output, and the correction onto the constraints."""
+"""Variables inside an accepted step by dense output, and their correction onto the constraints."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -22,10 +22,10 @@ from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit
 def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
-    """Return the variables and entry speeds at a time t, s, of an accepted step.
+    """Return the variables and entry speeds, m/s, at a time t, s, of an accepted step.
 
-    Inside the step, entry speeds are those of its start: they change at its end. At the end, the
-    variables are the stored ones, which contain the corrections for events there.
+    Before the end of the step, entry speeds are those of its start. At the end, variables and entry
+    speeds are the stored ones, which contain the corrections for events there.
     """
     end = attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
@@ -35,9 +35,10 @@ def look_inside(
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """Return the time to pass to the dense output for the state at t, s.
+    """Return the time, s, at which the dense output has the state of the time t, s.
 
-    The solver assumes uniform time, so t is mapped to the fraction of the step and back.
+    diffrax's dense output assumes uniform time. Therefore t is mapped to the fraction x of the
+    step, and x linearly to a time.
     """
     if attempt.time_map is None:
         return t
@@ -47,15 +48,17 @@ def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
 
 
 def correct(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables at the end of a step, corrected by the stabilisation.
+    """Return the variables at the end of a step, t, s, corrected by the stabilisation.
 
-    The energy that a projection removes is booked in the ledger.
+    The energy that a projection onto the constraints removes is added to the ledger's
+    "stabilisation".
     """
     return system.formulation.stabilisation.corrected(y, lambda y: _project(system, y, t))
 
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables inside a step, corrected by the stabilisation; the ledger stays."""
+    """Return the variables at a time t, s, inside a step, with the motion corrected by the
+    stabilisation. The ledger stays, because such a correction does not enter later steps."""
     return replace(y, motion=correct(system, y, t).motion)
 
 
@@ -68,11 +71,15 @@ def _project(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
+    """Return the mechanical energy of a motion, J."""
     return sum(system.energies(motion, t).values())
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that the dense output of a solver is available in scalar form."""
+    """Check that a solver is an explicit Runge-Kutta method, whose dense output is in scalar form.
+
+    **Raises:** `ValueError` that names the solver's class.
+    """
     require(
         isinstance(solver, UnrolledExplicit),
         "solver",
@@ -84,7 +91,8 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
 
 
 class Snapshot(eqx.Module):
-    """A time, s, and the variables and entry speeds there."""
+    """The state of a run at one time: the time t, s since the system's `origin`, variables and
+    entry speeds, m/s."""
 
     t: Scalar
     y: Variables
@@ -95,19 +103,27 @@ class Snapshot(eqx.Module):
         system: System,
         inside: Callable[[Scalar], Instant] | None = None,
     ) -> Instant:
-        """Return the `Instant` of the snapshot; `inside` gives the one at a fraction of the step
-        that ends here."""
+        """Return the `Instant` of the snapshot, of which quantities are functions.
+
+        **Arguments:** `inside`: function of a fraction, 0 to 1, of the time of the step that ends
+        here; it returns the `Instant` there. ``None`` if quantities need no instants inside steps.
+        """
         motion, work = self.y.motion, self.y.work
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return the time, s, and the values of quantities by name."""
+        """Return "time", the scene's time in s, and the values of the quantities in `channels`, by
+        name."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step, from `start` to `end`, with its stages for dense output."""
+    """The latest accepted step, with the data for dense output.
+
+    - `start`, `end`: the states at its ends.
+    - `stages`: the rates in each stage; `time_map`: how time passes, uniformly if ``None``.
+    """
 
     start: Snapshot
     end: Snapshot
@@ -116,7 +132,7 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """Return the step of an accepted attempt."""
+        """Return the step of an accepted attempt of a run with an `UnrolledExplicit` solver."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -126,20 +142,25 @@ class DenseStep(eqx.Module):
         )
 
     def inside(self, method: Method, elapsed: Scalar) -> Variables:
-        """Return the variables after an elapsed part of the step's time, 0 to 1."""
+        """Return the variables after the part `elapsed`, 0 to 1, of the step's time."""
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
         return dense.at(elapsed if self.time_map is None else self.time_map.fraction(elapsed))
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
-        """Return the snapshot after an elapsed part of the step's time, 0 to 1."""
+        """Return the snapshot after the part `elapsed`, 0 to 1, of the step's time, with the entry
+        speeds of the step's start.
+
+        **Raises:** `ValueError` if the solver is not an explicit Runge-Kutta method.
+        """
         require_dense(method.solver)
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t of the step, s."""
+        """Return the snapshot at a time t of the step, s since the system's `origin`; the stored
+        `end` at the end of the step."""
         length = self.end.t - self.start.t
         elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t

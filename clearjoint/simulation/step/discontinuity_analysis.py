@@ -1,9 +1,9 @@
 """Detect undeclared discontinuities by inspecting an element's jaxpr for comparisons.
 
-A force that is switched on at t_s is constant before and after. The derivative along t_s does not
-pass through the comparison, and no run shows that it is missing. Therefore the traced program of
-each element is searched for operations that compare, round or clip a number that depends on time,
-or on the motion.
+If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
+derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
+run shows that it is missing. Therefore the traced program of each element is searched for
+operations that compare, round or clip a number which depends on time or on the motion.
 """
 
 import jax
@@ -27,20 +27,22 @@ from ...model.joints.base import (
 from ...model.scene import Scene
 
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
-"""Primitives with a discontinuous real result. Primitives without a real result, such as
-comparisons, are treated the same."""
+"""Names of primitives whose real result jumps. Primitives without a real result, such as
+comparisons, count too."""
 KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
-"""Primitives with a jump or a kink."""
+"""Names of primitives whose real result has a jump or a kink."""
 
 
 def require_declared(scene: Scene) -> None:
-    """Check that every element that compares numbers with time declares its breakpoints.
+    """Check that every element of a scene that compares numbers with time declares its breakpoints.
 
-    **Raises:** `ValueError` that names the first element that does not.
+    **Raises:** `ValueError` that names the first element without breakpoints.
     """
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
+            # Functions of time are checked before the element that holds them, so that the message
+            # names the function, whose class must be changed.
             for function in _undeclared_functions_of_time(element):
                 require(
                     not _function_compares_time(function),
@@ -73,35 +75,36 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 @cached_by_numbers
 def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
-    """Whether the value of a function of time, in packed form, depends on a comparison with
-    time."""
+    """Return whether a function of time, in packed form, compares numbers with time."""
     program = program_of(unpack(function), 0.0)[0].jaxpr
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 @cached_by_numbers
 def _packed_element_compares_time(element: AbstractElement) -> bool:
-    """`compares_time` of an element in packed form."""
+    """Return whether an element in packed form compares numbers with time."""
     return compares_time(unpack(element))
 
 
 def compares_time(element: AbstractElement) -> bool:
-    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
-    with time."""
+    """Return whether the forces or constraint rates of an element, in scalar form, depend on a
+    comparison of a number with time."""
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 def may_jump_by_motion(element: AbstractElement) -> bool:
-    """Whether the forces or constraint rates of an element, in scalar form, depend on a comparison
-    of positions or velocities. They may jump there; whether they do is not known."""
+    """Return whether the forces or constraint rates of an element, in scalar form, depend on a
+    comparison of a position or velocity. They may jump there; whether they do is not known."""
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[1]}, JUMPING)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Trace an element as a function of two inputs: time, and one number that stands for every
-    component of the motion."""
+    """Return the traced program of an element in scalar form.
+
+    Its two arguments are time and one number that stands for every component of the motion.
+    """
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
@@ -112,8 +115,9 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 
 def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
-    """Return what the equations of motion use of an element. The value of a constraint is not among
-    it: constraints enter by their rates."""
+    """Return the numbers of an element that the equations of motion use: wrenches of a force;
+    Jacobian, bias and time rate of a constraint's rows. The value of a constraint is not among
+    them: constraints enter the equations by their rates."""
     if isinstance(element, AbstractForce):
         return element.wrenches(motions, t)
     assert isinstance(element, AbstractConstraint | AbstractContactJoint)
@@ -122,9 +126,9 @@ def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) ->
 
 
 def _needed(program: Jaxpr) -> list[JaxprEqn]:
-    """Return the equations on which the results depend, in order.
+    """Return the equations of a program on which its results depend, in order.
 
-    Others are dead code, such as the comparisons of a constraint's value.
+    The others are dead code, such as the comparisons of a constraint's value.
     """
     wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
     for equation in reversed(program.eqns):
@@ -135,8 +139,11 @@ def _needed(program: Jaxpr) -> list[JaxprEqn]:
 
 
 def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:
-    """Whether a comparison or one of the `primitives` is applied to a variable that depends on one
-    of `causes`."""
+    """Return whether a program applies a comparison, or one of `primitives`, to a variable that
+    depends on one of `causes`.
+
+    **Arguments:** `equations`: the program's equations, in order; `primitives`: names.
+    """
     causes = set(causes)
     for equation in equations:
         which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
@@ -157,6 +164,7 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
 
 
 def _is_real(value: AbstractValue) -> bool:
+    """Return whether a traced value is an array of floats."""
     return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
 
 

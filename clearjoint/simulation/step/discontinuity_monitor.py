@@ -1,10 +1,11 @@
 """Check accepted steps of runs with derivatives for undeclared jumps of user-defined forces.
 
-Where a torque jumps at an angle, the derivatives of the motion have a term for the shift of the
-instant (the saltation matrix, see `.saltation`). Contact laws declare such events. A user-defined
-element cannot, and a step across its jump looks like any other. Therefore each accepted step of a
-scene with an element that may jump is checked: a change of the rates larger than the slopes at both
-ends allow is reported as a discontinuity.
+If a torque jumps at an angle, the instant of the jump depends on the parameters, and derivatives of
+the motion have a term for its shift (the saltation matrix, see `.saltation`). Contact laws declare
+such events. A user-defined element cannot declare them, and a step across its jump looks like any
+other. Therefore each accepted step of a scene with an element that may jump is checked: if the
+rates change by more than their slopes at both ends of the step allow, the run ends with the result
+code `force_jumped`.
 """
 
 from collections.abc import Iterator
@@ -27,17 +28,18 @@ from .trial_step import Trial, term_of
 
 PACKAGE = __name__.split(".")[0] + "."
 STEEPEST = 4.0
-"""Largest change of a smooth rate over a step, relative to the sum of the changes that its slopes
-at both ends predict. For a smooth rate the change is half of that sum, up to a third derivative
-that the tolerances keep small."""
+"""Largest change of a smooth rate over a step, relative to the sum of the changes that the slopes
+at both ends of the step predict. The change of a smooth rate is half of this sum, up to a third
+derivative that the tolerances keep small."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
-"""Smallest jump that is reported, relative to the rate that jumps and to the largest of all
-rates."""
+"""A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
+times the largest of all rates."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
-    """Whether a scene has an element, or part of one, of a class from outside this package whose
-    force compares numbers of the motion."""
+    """Return whether a scene has an element that may jump without declaring it: one that belongs
+    to, or contains a part of, a class from outside this package, and either is a contact joint or
+    compares numbers of the motion."""
     elements = [*scene.joints.values(), *scene.forces.values()]
     return any(
         isinstance(element, AbstractContactJoint) or may_jump_by_motion(element)
@@ -49,11 +51,12 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 def has_undeclared_jump(
     method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
 ) -> Condition:
-    """Whether any rate of the motion jumps within a trial step that ends with the contact gaps
-    `after`.
+    """Return whether any rate of the motion jumps within a trial step.
 
     Steps end at breakpoints and at contact events, so these are not inside the step. At the onset
     or end of a contact with a force that jumps the check is skipped.
+
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at its end.
     """
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
@@ -82,7 +85,7 @@ def has_undeclared_jump(
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:
-    """Yield a module and all modules within it."""
+    """Yield `part`, if it is a module, and all modules within it, also those in lists and dicts."""
     if isinstance(part, eqx.Module):
         yield part
         part = vars(part)

@@ -1,8 +1,9 @@
 """Landing of steps on contact events: the instants where a contact begins or ends.
 
-A step that starts in flight and ends deeper than the landing tolerance is rejected, and repeated up
-to the root of the gap's cubic Hermite interpolant; likewise a step that leaves a contact. Gaps and
-entry speeds are defined in `clearjoint.dynamics.contact_events`.
+A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
+is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
+The same holds for a step that starts in a contact and ends in flight. Penetrations are measured
+from the onset of the force (`ContactGap` in `clearjoint.dynamics.contact_events`).
 """
 
 import equinox as eqx
@@ -16,12 +17,12 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""s: a step must land within this time past an event, at the rate of the gap there. The penetration
-at the landing holds elastic energy that no work supplied, and a slow impact may not even reach the
-depth of the landing tolerance."""
+"""Longest time past an event at which a step may land, s, at the rate of the penetration there. The
+penetration at the landing holds elastic energy that no work supplied, and a slow impact may not
+even reach the depth of the landing tolerance."""
 CLOSEST = 1e-4
-"""Smallest depth that is asked of a landing, in landing tolerances: gaps are subject to rounding,
-however slow the contact."""
+"""Smallest depth within which a step is required to land, in landing tolerances: rounding of the
+penetration is as large in slow contacts as in fast ones."""
 
 
 class Landing(eqx.Module):
@@ -34,23 +35,27 @@ class Landing(eqx.Module):
     tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
-        """Return the depth in m within which to land at a rate in m/s."""
+        """Return the depth within which a step must land, m, at a `rate` of penetration, m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def time_to_next_event(
         self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
     ) -> Scalar:
-        """Predict the time to the next event, s, from gaps, rates and second rates (m/s^2).
+        """Predict the time to the next onset or end of a contact, s; infinite if none is expected.
 
-        A step that would pass the event is shortened to it in advance. This saves rejected trials:
-        one far past a wall can have a very large error, and would be cut several times.
+        A step that would pass the event is shortened in advance, which saves rejected trials: a
+        trial far past a wall can have a very large error, and would be cut several times.
+
+        **Arguments:** `second_rates`: second derivatives of penetrations, m/s^2, by joint and
+        contact.
         """
         return self._soonest(contact_gaps, second_rates, ends_only=False)
 
     def time_to_contact_end(
         self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
     ) -> Scalar:
-        """Predict the time until the first contact ends, s; infinite if none is about to end."""
+        """Predict the time until the first of the existing contacts ends, s; infinite if none is
+        expected to end. Arguments as for `time_to_next_event`."""
         return self._soonest(contact_gaps, second_rates, ends_only=True)
 
     def _soonest(
@@ -67,10 +72,12 @@ class Landing(eqx.Module):
         return jax.lax.stop_gradient(soonest)
 
     def _time_to_zero(self, gap: ContactGap, second_rate: Scalar) -> Scalar:
-        """Return the first positive root of the gap's parabola in time, s; infinite without one.
+        """Return the time until the penetration changes sign, s, by a parabola; infinite if it does
+        not.
 
-        The parabola is shifted so that the root is half the landing depth past the change of sign:
-        rounding then does not leave the step on the wrong side of the event.
+        The parabola follows from penetration, rate and `second_rate`, m/s^2. It is shifted so that
+        the root is half the landing depth past the change of sign: rounding then does not leave the
+        step on the wrong side of the event.
         """
         inwards = _inwards(gap)
         # In the direction towards the event: `away` is the distance, `rate` and `bend` speed and
@@ -87,10 +94,11 @@ class Landing(eqx.Module):
     def retry(
         self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
     ) -> tuple[Condition, Scalar]:
-        """Return whether a step from t0 to t1 passes an event by more than the tolerance, and the
-        time in s at which to end it instead.
+        """Check whether a step from `t0` to `t1`, s, passes an event by more than the tolerance.
 
-        **Arguments:** `before`, `after`: the contact gaps at its start and end.
+        **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
+
+        **Returns:** whether the step must be repeated, and the time at which it must end then, s.
         """
         h = t1 - t0
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
@@ -108,15 +116,19 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _first_crossing(self, before: ContactGaps, after: ContactGaps, h: Scalar) -> Scalar:
-        """Return the smallest `_crossing` of all contacts."""
+        """Return the smallest result of `_crossing` of all contacts, in a step of length h, s."""
         fraction = jnp.ones_like(h)
         for start, end in gap_pairs(before, after):
             fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
         return fraction
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
-        """Return the fraction of the step at which the gap is half the landing depth past its
-        change of sign; 1 if the step need not land."""
+        """Return the fraction, 0 to 1, of a step of length h, s, at which the step must end for a
+        contact.
+
+        There the penetration is half the landing depth past its change of sign. The fraction is 1
+        if the step need not be repeated.
+        """
         inwards = _inwards(start)
         # If the gap turns back within the step, its turning point replaces the end of the step:
         # the event is between the start and there.
@@ -136,10 +148,16 @@ class Landing(eqx.Module):
     def _turning(
         self, start: ContactGap, end: ContactGap, h: Scalar, inwards: Scalar
     ) -> tuple[Scalar, Scalar, ContactGap]:
-        """Return whether the gap passes an event and returns within the step; the fraction of the
-        step at which it turns; and the gap there.
+        """Return whether a contact begins and ends, or ends and begins, within one step of length
+        h, s.
 
-        Signs at both ends agree in this case, so a check of the ends alone would miss the contact.
+        Penetrations at both ends of the step then have one sign, so a check of the ends alone would
+        miss both events.
+
+        **Arguments:** `inwards`: sign that the penetration has between the two events.
+
+        **Returns:** the condition; the fraction of the step at which the penetration is extreme;
+        and the gap there.
         """
         turns = _turns(start, end)
         # Zero of the rate, interpolated linearly; its error matters little at an extremum.
@@ -151,18 +169,19 @@ class Landing(eqx.Module):
 
 
 def _inwards(gap: ContactGap) -> Scalar:
-    """Return the sign that the depth will have after its next event."""
+    """Return the sign that the penetration will have after the contact's next event."""
     return jnp.where(gap.depth > 0.0, -1.0, 1.0)
 
 
 def _turns(start: ContactGap, end: ContactGap) -> Condition:
-    """Whether a gap moves towards zero at the start of a step, and away from it at the end."""
+    """Return whether a penetration moves towards zero at the start of a step, and away at the
+    end."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
 
 
 def _may_pass(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Whether the depth of any contact may change sign within a step."""
+    """Return whether the penetration of any contact may change sign within a step."""
     return any_of(
         ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
         for start, end in gap_pairs(before, after)

@@ -1,8 +1,8 @@
 """Loops of a run: JAX's own, or loops with checkpoints for reverse-mode differentiation.
 
-JAX cannot differentiate a `while_loop` in reverse mode, because its number of iterations is not
-known beforehand. equinox stores the state of some iterations (checkpoints) and recomputes those
-between them in the reverse pass, as `diffrax.RecursiveCheckpointAdjoint` does.
+JAX cannot differentiate a `while_loop` in reverse mode, because the number of iterations is not
+known beforehand. equinox's loop stores the state at some iterations (checkpoints), and in the
+reverse pass recomputes the iterations between them, as `diffrax.RecursiveCheckpointAdjoint` does.
 """
 
 import abc
@@ -42,13 +42,15 @@ class AbstractLoops(eqx.Module):
 
     @abc.abstractmethod
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step; see `clearjoint.simulation.step.stepping.attempt`."""
+        """Try one step from `step`, at most to `t_end`, s; see the function `attempt` in
+        `stepping`."""
 
     @abc.abstractmethod
     def repeat(
         self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """Apply `body` while `condition` is true, like `jax.lax.while_loop`."""
+        """Return the carry after `body` was applied to `start` while `condition` holds, like
+        `jax.lax.while_loop`."""
 
     @abc.abstractmethod
     def each(
@@ -57,16 +59,22 @@ class AbstractLoops(eqx.Module):
         start: Carry,
         items: Item,
     ) -> tuple[Carry, Output]:
-        """Apply `body` to one item after the other, like `jax.lax.scan`; `items` and outputs have
-        their number in front."""
+        """Apply `body` to one item after the other, like `jax.lax.scan`.
+
+        **Arguments:** `body`: function of the carry and an item that returns the next carry and an
+        output; `start`: the first carry; `items`: PyTree of N items, (N, ...) each.
+
+        **Returns:** the last carry, and the N outputs, (N, ...) each.
+        """
 
     @abc.abstractmethod
     def closed(self, outcome: Carry) -> Carry:
-        """Return the outcome of a run, so that a reverse pass that is not supported raises."""
+        """Return the `outcome` of a run unchanged; a reverse pass from it raises if the loops do
+        not support reverse mode."""
 
 
 class PlainLoops(AbstractLoops):
-    """JAX's loops, which support forward-mode differentiation."""
+    """JAX's loops, which support forward mode only."""
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
         """Try one step."""
@@ -88,7 +96,7 @@ class PlainLoops(AbstractLoops):
         return jax.lax.scan(body, start, items)
 
     def closed(self, outcome: Carry) -> Carry:
-        """Return the outcome; a reverse pass that begins at it raises a `RuntimeError`."""
+        """Return the outcome; a reverse pass from it raises a `RuntimeError` with the remedy."""
         return eqxi.nondifferentiable_backward(outcome, msg=REMEDY)
 
 
@@ -96,12 +104,15 @@ PLAIN = PlainLoops()
 
 
 class CheckpointedLoops(AbstractLoops):
-    """Loops that support reverse-mode differentiation, with a number of `checkpoints` each."""
+    """Loops that support reverse mode.
+
+    **Arguments:** `checkpoints`: number of iterations whose state each loop stores.
+    """
 
     checkpoints: int = eqx.field(static=True)
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step; the derivatives of a trial that overflowed are zero."""
+        """Try one step; the derivatives of a trial that is not finite are zero."""
         return _attempt_without_overflow(method, system, step, t_end)
 
     def repeat(
@@ -118,7 +129,7 @@ class CheckpointedLoops(AbstractLoops):
         start: Carry,
         items: Item,
     ) -> tuple[Carry, Output]:
-        """Apply `jax.lax.scan`, storing the state before each item only."""
+        """Apply `jax.lax.scan`; it stores the state before each item and recomputes the rest."""
         return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), start, items)
 
     def closed(self, outcome: Carry) -> Carry:
@@ -130,7 +141,7 @@ _attempt = Compiled(attempt)
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> AbstractLoops:
-    """Return the loops for the `adjoint` argument of `simulate`."""
+    """Return the loops for the `adjoint` argument of `simulate`; `PLAIN` if it is ``None``."""
     if adjoint is None:
         return PLAIN
     checkpoints = adjoint.checkpoints
@@ -150,6 +161,7 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     would meet infinite slopes and give NaN.
     """
     tangents = jax.tree.map(_tangent, primals, tangents, is_leaf=_is_none)
+    # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
 
     def numbers(inputs: PyTree) -> tuple[PyTree, PyTree]:
@@ -173,12 +185,14 @@ def _is_none(leaf: object) -> bool:
 
 
 def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
+    """Return `tangent`; zeros in place of ``None`` where `primal` is an array of floats."""
     missing = tangent is None and eqx.is_inexact_array(primal)
     return jnp.zeros_like(primal) if missing else tangent
 
 
 def _is_finite(tree: PyTree[Scalar]) -> Condition:
-    """Whether all numbers and their squares are finite: 0 times infinity or NaN is NaN."""
+    """Whether all numbers and their squares are finite. Each square is multiplied by zero, which
+    gives NaN for an infinity or a NaN."""
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):
         total = total + jnp.sum(leaf * leaf) * 0.0

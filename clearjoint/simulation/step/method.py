@@ -1,4 +1,8 @@
-"""Numerical scheme of a run: integration method and formulation of the equations of motion."""
+"""Numerical scheme of a run: integration method and formulation of the equations of motion.
+
+Scenes have two forms: packed, with vectors as arrays of shape (3,), and scalar, with vectors as
+`Vector` of three separate scalars, in which the equations of motion are evaluated.
+"""
 
 import equinox as eqx
 import jax
@@ -17,15 +21,19 @@ from .step_state import Method
 
 
 class Scheme(eqx.Module):
-    """Integration method and formulation, both independent of the scene."""
+    """Integration method and formulation of the equations of motion; no part depends on the
+    scene."""
 
     method: Method
     formulation: Formulation
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme of some settings; `redundant`: whether constraints depend on each
-        other, unless the settings specify it."""
+        """Return the scheme of `settings`, with its numbers as JAX arrays.
+
+        **Arguments:** `redundant`: whether some constraint rows depend linearly on others; used if
+        `settings.redundant` is ``None``.
+        """
         redundant = redundant if settings.redundant is None else settings.redundant
         choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
@@ -40,15 +48,15 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the same with NumPy numbers, cached for equal settings."""
+        """Return the scheme as `of` does, with NumPy numbers; cached for equal settings."""
         return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
-        """Return the system to integrate for a scene in scalar form."""
+        """Return the system to integrate for a `scene` in scalar form."""
         return System.of(scene, self.formulation)
 
     def unpacked(self, folded_scene: ConstantFolded) -> System:
-        """Return the system to integrate for a scene in packed form."""
+        """Return the system to integrate for a scene in packed form with folded constants."""
         return self.system(unpack(folded_scene))
 
 
@@ -58,7 +66,7 @@ def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
 
 
 def _with_arrays(scheme: Scheme) -> Scheme:
-    """Return the scheme with its floats as arrays, so that changing one does not recompile.
+    """Return the scheme with its floats as arrays, so that a new value does not recompile.
 
     Zeros remain Python numbers: the controller leaves out the terms of zero coefficients.
     """

@@ -1,10 +1,10 @@
-"""Named settings of runs.
+"""Ready `Settings` of runs, by purpose.
 
     cj.simulate(scene, start, end_time, cj.presets.accurate)
 
-`default` is the default of `simulate` and `sweep`. It lies between `preview` and `accurate`; the
-three share one compiled program. `studies/speed_accuracy/README.md` has a table of their accuracy
-and run time.
+In order of accuracy: `preview`, `default`, `accurate`, `reference`. The first three share one
+compiled program. `derivatives` and `identification` are for runs with derivatives.
+`studies/speed_accuracy/README.md` has a table of errors and run times.
 """
 
 from dataclasses import replace
@@ -14,40 +14,42 @@ import diffrax
 from .settings import Settings
 
 default = Settings()
-"""Default of `simulate` and `sweep`.
+"""Settings that `simulate` and `sweep` use if none are given.
 
 >>> cj.presets.default.rtol
 1e-06
 """
 preview = Settings(rtol=1e-4)
-"""For quick looks at a motion; not accurate enough for gradients.
+"""Settings for quick looks at a motion; not accurate enough for gradients.
 
 >>> cj.presets.preview.rtol
 0.0001
 """
 accurate = Settings(rtol=1e-8)
-"""For studies.
+"""Settings for studies whose numbers are reported.
 
 >>> from dataclasses import replace
 >>> replace(cj.presets.accurate, ledger=True).rtol
 1e-08
 """
 reference = Settings(solver=diffrax.Dopri8(), rtol=1e-10)
-"""For reference solutions. Compiling takes twice as long.
+"""Settings for reference solutions, with which others are compared. They use an integration method
+of order 8, whose program takes twice as long to compile.
 
 >>> cj.presets.reference.rtol
 1e-10
 """
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
-"""Default of `sensitivities` and of functions that use it, such as `fit_horizon`. Landing within
-1e-13 m leaves no visible error in the derivatives of entry speeds.
+"""Settings that `sensitivities`, and functions that call it, such as `fit_horizon`, use if none are
+given. Steps end within 1e-13 m of each onset, so that landing leaves no visible error in the
+derivatives of entry speeds.
 
 >>> cj.presets.derivatives.landing_tolerance
 1e-13
 """
 identification = replace(derivatives, derivative_tolerance=1e3)
-"""Default of `identify` and `identify_many`: three digits in derivatives are enough for fits. It
-takes a fifth fewer steps than `derivatives`, with states of the same accuracy.
+"""Settings that `identify` and `identify_many` use if none are given. Derivatives have three
+digits, enough for fits; the motion is as accurate as with `derivatives`, in a fifth fewer steps.
 
 >>> cj.presets.identification.derivative_tolerance
 1000.0

@@ -1,14 +1,14 @@
 """Saltation correction for a step that ends at a force discontinuity.
 
-A step lands on the onset or end of a contact, and its end time is not differentiated. The time of
-the event is a function of the parameters. A contact that began a time tau before the end of the
-step transmitted its force for tau: the landing makes tau zero to rounding, but not its derivative.
-With the rates f- before the event and f+ after it, the state is y + (f+ - f-) tau. Its derivative
-is that of the motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004,
+The time of an onset, or of the end of a contact, depends on the parameters. The step that lands
+there ends at a time t1 that is not differentiated. Let tau be the time from the event to t1, s. The
+landing makes tau zero to rounding, but not its derivative. The step was computed with the rates f-
+before the event; the rates after the event are f+. The corrected state y + (f+ - f-) tau has the
+derivative of the motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004,
 section 7.3), in forward and in reverse mode.
 
-The forces are means over tau. If the force is continuous and only its slope K jumps, as for a
-spring, the mean is K delta/2 for the penetration delta at the end of the step. Without this term
+The contact force in f+ is a mean over tau. If the force is continuous and only its slope K, N/m,
+jumps, as for a spring, the mean is K delta/2 for the penetration delta, m, at t1. Without this term
 derivatives have an error proportional to tau, which is visible if two contacts of a stiff spring
 begin a millionth of the contact time apart.
 """
@@ -29,12 +29,13 @@ from .step_state import Variables
 
 
 def contacts_jump(scene: Scene) -> bool:
-    """Whether the force of any contact may jump where it begins or ends."""
+    """Return whether the force of any contact may jump where the contact begins or ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Whether the slope of any contact's force may jump where it begins or ends."""
+    """Return whether the slope of any contact's force, N/m, may jump where the contact begins or
+    ends."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -46,10 +47,13 @@ def across_contacts(
     t: Scalar,
     keep: Condition,
 ) -> Variables:
-    """Return the variables at the end of a step, corrected for contacts that begin or end in it.
+    """Return the variables at the end of a step, corrected for contacts that begin or end there.
 
-    **Arguments:** `before`: the contact gaps, and `entry_speeds` the entry speeds, at the start of
-    the step; `y`: the variables at its end; `t`: s, its end; `keep`: whether it is accepted.
+    **Arguments:**
+
+    - `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the step.
+    - `y`: variables at the end of the step; `t`: the time there, s.
+    - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
 
     def corrected(y: Variables) -> Variables:
@@ -78,7 +82,8 @@ def across_contacts(
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
-    """Return the labels of contacts whose force or its slope may jump, by joint."""
+    """Return the labels of contacts whose force, or the slope of the force, may jump, by joint
+    name."""
     labels_by_joint = {
         name: [label for label, law in family.items() if law.force_jumps or law.slope_jumps()]
         for name, family in scene.laws().items()
@@ -91,7 +96,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Whether a contact whose force or slope may jump begins or ends between two instants."""
+    """Return whether, between two instants, a contact begins or ends whose force or slope may
+    jump."""
     return any_of(
         _changes(before[name][label], after[name][label])
         for name, labels in _jumping_contacts(scene).items()
@@ -100,12 +106,14 @@ def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condit
 
 
 def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByLabel[Scalar]:
-    """Return by how much longer each contact transmitted its force than the solver assumed, s.
+    """Return by how much longer each contact transmitted its force than the solver assumed, s, by
+    joint and contact.
 
-    Positive after an onset, negative after an end, zero without either. A step computes with the
-    contacts closed at its start, so it omits the force after an onset and has too much of it after
-    an end. Penetration over rate is the time since the event to first order, which is exact for the
-    derivative as the penetration is zero to rounding.
+    The time is positive after an onset, negative after an end, and zero if there was no event. The
+    solver computes a step with the contacts that are closed at its start: it omits the force after
+    an onset and includes too much force after an end. Penetration over rate is the time since the
+    event to first order; the derivative of this quotient is exact because the penetration is zero
+    to rounding.
     """
 
     def time(start: ContactGap, end: ContactGap) -> Scalar:
@@ -120,7 +128,11 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
 
 def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByLabel[LoadedContact]:
-    """Return the forces of closed contacts, averaged between the wall and the end of the step."""
+    """Return the mean force of each contact that may jump, by joint and contact.
+
+    The mean is over the time from the event to the end of the step. It is found for each contact,
+    whether or not the contact has an event in this step.
+    """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: ByLabel[LoadedContact] = {}
     for name, labels in _jumping_contacts(system.scene).items():
@@ -141,7 +153,11 @@ def _mean_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the mean force of one contact, as in `_mean_forces`."""
+    """Return the mean of the force of one contact between the event and the end of the step.
+
+    **Arguments:** `entry_speed`: m/s, zero in flight, ``None`` if the law does not use it;
+    `bristles`: deflections of the joint's contacts, m.
+    """
     law, closed = joint.laws()[label], jnp.asarray(True)
     if entry_speed is not None:
         # A contact that begins at this event has no entry speed yet: its rate will be recorded.
@@ -164,13 +180,15 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
+    """Return the contact with its normal force, elastic force and friction times `factor`."""
     friction = None if force.friction is None else force.friction * factor
     normal, elastic = force.normal_force * factor, force.elastic_force * factor
     return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)
 
 
 def _changed_by(y: Variables, change: Variables) -> Variables:
-    """Add changes of motion and ledger; bristles are set in `updated_bristles`."""
+    """Return the variables with changes of the motion and of the ledger added. Bristles stay:
+    `updated_bristles` sets them."""
     motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
     work = {name: e + change.work.get(name, 0.0) for name, e in y.work.items()}
     return replace(y, motion=motion, work=work)

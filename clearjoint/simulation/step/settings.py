@@ -1,4 +1,4 @@
-"""Settings of the integration, for all functions that make runs."""
+"""Settings of a run: integration method, tolerances, coordinates and limit of steps."""
 
 from dataclasses import dataclass, field, replace
 
@@ -22,29 +22,32 @@ NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Settings of the integration of runs: method, tolerances and formulation.
+    """Settings of a run: integration method, tolerances, coordinates and limit of steps.
 
-    A function that makes runs raises a `ValueError` for settings that it does not support. For a
-    modified copy use `dataclasses.replace`:
+    Functions that make runs raise a `ValueError` for settings that they do not support. To change
+    single settings, use `dataclasses.replace`, which returns a modified copy:
 
         dataclasses.replace(cj.presets.accurate, ledger=True)
 
     **Arguments:**
 
-    - `solver`: any diffrax ODE solver. Implicit ones need a looser `atol`, such as `rtol`/1000, to
-      which they also solve their stages. Runs with derivatives, and sweeps that save states,
-      sections or statistics, need an explicit Runge-Kutta method.
-    - `controller`: a diffrax step-size controller; it replaces the default one, and with it `rtol`
-      and `atol`.
-    - `rtol`, `atol`: relative and absolute tolerance of the error of a step. `atol` is in the SI
-      units of each state; the default is 1e-5 `rtol`, because impacts amplify small misalignments.
-      Give a smaller one if no speed exceeds 1e4 `atol`.
-    - `first_step`: s; by default a millionth of the duration.
-    - `landing_tolerance`: m, penetration within which steps land on the onset and end of contacts;
-      ``None``: steps go across them. Derivatives at an `rtol` of 1e-10 or less need 1e-13.
-    - `derivative_tolerance`: tolerance of derivatives, in tolerances of the states. Example: the
-      double pendulum after five impacts at each base, with three parameters, at an `rtol` of 1e-9;
-      the motion alone takes 823 attempted steps:
+    - `solver`: a diffrax solver of ordinary differential equations. Implicit solvers also iterate
+      their stages to `rtol` and `atol`, and need a looser `atol`, such as `rtol`/1000. Runs with
+      derivatives, and sweeps that save states, sections or statistics, need an explicit Runge-Kutta
+      method.
+    - `controller`: a diffrax step-size controller. The default, ``None``, is a
+      `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
+    - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
+      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`,
+      because impacts amplify small misalignments. Give a smaller `atol` if all speeds of the motion
+      are below 1e4 `atol`.
+    - `first_step`: length of the first step, s; by default a millionth of the run's duration.
+    - `landing_tolerance`: m; steps end at each onset and end of a contact, with a penetration of at
+      most this value. ``None``: steps go across onsets and ends. Runs with derivatives and an
+      `rtol` of 1e-10 or less need 1e-13.
+    - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
+      the variables. Example: the double pendulum after five impacts at each base, with three
+      parameters, at an `rtol` of 1e-9; the motion alone takes 823 attempted steps:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of entry speeds' |
       |---|---|---|---|
@@ -55,15 +58,16 @@ class Settings:
       | 1e5 | 799 | 4e-4 | 1e-3 |
 
     - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
-      every ideal joint is a constraint, as in the paper.
-    - `stabilisation`: of constraints: `Baumgarte()`, `Projection()` or `Unstabilised()`.
-    - `ledger`: integrate the dissipated energies, J, with the state.
-    - `redundant`: whether constraints depend on each other. By default this is determined from the
-      initial state; inside a JAX transformation, they are assumed independent.
-    - `max_steps`: largest number of attempted steps of a run.
-    - `allow_float32`: allow single precision if JAX is configured for it.
+      every ideal joint adds constraint rows.
+    - `stabilisation`: method against drift from the constraints: `Baumgarte()`, `Projection()` or
+      `Unstabilised()`.
+    - `ledger`: whether to integrate the dissipated and supplied energies, J, with the motion.
+    - `redundant`: whether some constraint rows depend linearly on others. By default, runs find
+      this out from the initial state; inside a JAX transformation, they take rows as independent.
+    - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
+    - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
-    **Raises:** `ValueError` for a setting that no run can use.
+    **Raises:** `ValueError` for a setting that no run can use; the message names the setting.
 
     >>> settings = cj.Settings(rtol=1e-8, ledger=True)
     >>> settings.rtol, settings.ledger
@@ -98,7 +102,7 @@ class Settings:
             require(isinstance(value, kinds), name, value, "True or False", "say whether")
 
     def _convert_numpy_scalars(self) -> None:
-        """Convert NumPy scalars to Python numbers, for which JAX would compile another program."""
+        """Replace NumPy scalars by Python numbers; JAX would compile another program for them."""
         for name, value in list(vars(self).items()):
             if isinstance(value, np.generic):
                 object.__setattr__(self, name, value.item())
@@ -116,9 +120,9 @@ class Settings:
         require_ordinary(self.solver)
 
     def check_numbers(self) -> None:
-        """Check that each number is in its range.
+        """Check that each tolerance and length is a number in its range.
 
-        **Raises:** `ValueError` that names the number.
+        **Raises:** `ValueError` that names the setting.
         """
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
@@ -133,6 +137,8 @@ class Settings:
             fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
             require(fine, name, value, "a number", remedy)
             require_positive(name, value, remedy, zero=zero)
+        # Errors are divided by atol + rtol |variable|, so one of both must be positive. Traced
+        # tolerances cannot be compared.
         known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
         if known is not None:
             rtol, atol = known
@@ -146,27 +152,33 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings that JAX may trace: `rtol`, `atol`, `first_step` (s) and `landing_tolerance`
+        """The settings that JAX may trace: `rtol`, `atol`, `first_step` (s), `landing_tolerance`
         (m)."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step of a run between two times, s."""
+        """Return the length of the first step of a run from `start_time` to `end_time`, all in
+        s."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return the settings with `rtol` and `atol` multiplied by a factor.
+        """Return a copy of the settings with `rtol` and `atol` multiplied by `factor`.
 
-        **Raises:** `ValueError` if a controller replaces them.
+        **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
         """
         self.require_tolerances("runs of several tolerances are made")
         atol = None if self.atol is None else factor * self.atol
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Check that `rtol` and `atol` are in use, and not replaced by a controller."""
+        """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
+
+        **Arguments:** `where`: situation that needs them, for the message "None where ...".
+
+        **Raises:** `ValueError` if a `controller` is set.
+        """
         require(
             self.controller is None,
             "controller",
@@ -176,7 +188,10 @@ class Settings:
         )
 
     def require_double(self) -> None:
-        """Check that single precision is not allowed, for runs that need double precision."""
+        """Check that `allow_float32` is off, for runs that need double precision.
+
+        **Raises:** `ValueError` if single precision is allowed.
+        """
         require(
             not self.allow_float32,
             "allow_float32",
@@ -187,9 +202,9 @@ class Settings:
 
 
 def settings_or(settings: Settings | None, default: Settings) -> Settings:
-    """Return the settings, or the default if they are ``None``.
+    """Return `settings`, or `default` if `settings` is ``None``.
 
-    **Raises:** `ValueError` for any other type.
+    **Raises:** `ValueError` if `settings` is of another type.
     """
     kind = type(settings).__name__
     remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"

@@ -1,4 +1,4 @@
-"""Prepare diffrax solvers and controllers for the stepping loop."""
+"""Preparation of diffrax solvers and step-size controllers for the stepping loop."""
 
 from functools import reduce
 
@@ -14,7 +14,7 @@ from .unrolled_runge_kutta import unrolled
 
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
-    """Return the largest absolute value of all leaves.
+    """Return the largest absolute value of all leaves of a PyTree, (), as norm of an error.
 
     A mean norm would dilute the error of one impact among the bodies without contact.
     """
@@ -28,12 +28,16 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's controller, which bounds the error of each component of the state."""
+    """Return diffrax's PID controller with `largest_component` as norm, so that the tolerances hold
+    for each variable."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver takes ordinary differential equations without splitting."""
+    """Check that a solver takes ordinary differential equations without splitting.
+
+    **Raises:** `ValueError` that names the solver's class.
+    """
     structure = solver.term_structure
     require(
         isinstance(structure, type) and issubclass(diffrax.ODETerm, structure),
@@ -47,11 +51,12 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
-    """Prepare a solver for steps, as `diffrax.diffeqsolve` does.
+    """Return a solver ready for single steps, as `diffrax.diffeqsolve` would prepare it.
 
-    Explicit Runge-Kutta methods get their stages written out. Other Runge-Kutta methods loop over
-    stages so that forward differentiation can follow. Implicit ones solve their stages to the
-    tolerances of the steps unless they have their own.
+    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods loop over
+    their stages by `lax.scan`, so that forward differentiation can follow. Implicit methods iterate
+    their stages to `rtol` and `atol` (SI units), unless their root finder has tolerances of its
+    own.
     """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
@@ -65,5 +70,7 @@ def ready_solver(
 
 
 def _has_tolerances(solver: diffrax.AbstractImplicitSolver) -> bool:
+    """Whether the root finder has numbers as tolerances. Its default is a marker, which only
+    `diffrax.diffeqsolve` replaces by the tolerances of the controller."""
     rtol = getattr(solver.root_finder, "rtol", None)
     return isinstance(rtol, int | float | jax.Array)

@@ -1,4 +1,4 @@
-"""Checks of the start and end time of a run, and of times within it."""
+"""Checks of the start and end time of a run, and of times between them."""
 
 import jax
 import jax.numpy as jnp
@@ -9,17 +9,18 @@ from ...fields.types import ArrayLike, Column
 from ...math.vectors import Scalar
 
 ROUNDINGS = 4.0
-"""Tolerance for times outside of a span, in units of rounding: sums of steps and single precision
-have them."""
+"""Tolerance for times outside of a run, in units of rounding: times in single precision, and sums
+of steps, deviate that much."""
 SHORTEST = 1e10
-"""Smallest span, in smallest normal numbers. Processors flush smaller numbers to zero, which the
-first steps of a shorter span would have as lengths."""
+"""Shortest duration of a run, in smallest normal numbers. Processors flush smaller numbers to zero,
+and the lengths of the first steps are a small part of the duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the start and end time of a run, s.
+    """Check the `start` and `end` time of a run, s; values of traced times are not checked.
 
-    **Raises:** `ValueError` if the end is not finite and after the start.
+    **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
+    by at least `SHORTEST`.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
@@ -44,14 +45,14 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Check times within a run between `start` and `end`, s.
+    """Return times within a run from `start` to `end`, s, after checks.
 
-    **Arguments:** `argument`: the name of the times in error messages.
+    **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 
-    **Returns:** the times in double precision, (N,). Times outside of the span by rounding only are
-    clipped to it.
+    **Returns:** the times, (N,), in double precision. Times that are outside of the run by rounding
+    alone are moved to its start or end. Traced times are only checked for their shape.
 
-    **Raises:** `ValueError` for times that decrease or are outside.
+    **Raises:** `ValueError` for times that decrease or are outside of the run.
     """
     row = check_rising(times, argument)
     if (known := checkable(row, start, end)) is not None:
@@ -69,9 +70,11 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def check_rising(times: ArrayLike, argument: str) -> Column:
-    """Check that times do not decrease, and return them as an array, (N,).
+    """Return times as an array, (N,), after checks; traced times are only checked for their shape.
 
-    **Raises:** `ValueError` for times that decrease.
+    **Arguments:** `times`: s; `argument`: their name in error messages.
+
+    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional.
     """
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
@@ -86,8 +89,10 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """Return how far times may be outside of a span by rounding alone, s, in the coarsest of the
-    floating-point types of the arguments."""
+    """Return how far `times` may be outside of a run from `start` to `end` by rounding alone, s.
+
+    The least precise floating-point type of the arguments decides.
+    """
     precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
     return ROUNDINGS * precision * (abs(start) + abs(end))
 

@@ -1,4 +1,4 @@
-"""Length of steps between events, and the magnitudes that errors are compared with."""
+"""Lengths of steps between events, and the magnitudes to which errors are compared."""
 
 from dataclasses import replace
 
@@ -16,12 +16,12 @@ from ...model.scene import Scene
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
-"""A step shorter than this part of its full length counts as cut short by an event."""
+"""A step shorter than this part of its `full_length` counts as cut short by an event."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Return the end of the next trial, s: its proposed end, or the next breakpoint, event or end
-    of the run if that is earlier."""
+    """Return the end of the next trial, s: the proposed end or, if that is earlier, the next
+    breakpoint, the predicted next contact event, or the end `t_end` of the run."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
@@ -39,9 +39,12 @@ def lengths_after_contacts(
 ) -> tuple[Scalar, Condition, Scalar]:
     """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
-    **Arguments:** `after`: the contact gaps at t1; `keep`: whether the step up to t1 is accepted;
-    `lands`: whether it is repeated up to an event instead; `proposed`: s, the controller's length
-    for the next step.
+    **Arguments:**
+
+    - `step`: the state before the trial; `after`: the contact gaps at the trial's end `t1`, s.
+    - `keep`: whether the trial is accepted.
+    - `lands`: whether the trial is rejected because it passes an event, and repeated up to it.
+    - `proposed`: the controller's length for the next step, s.
     """
     last = step.proposal
     length_tried = t1 - step.t
@@ -59,12 +62,15 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal` in a scene with breakpoints but no contacts."""
+    """Return `full_length` of the next `Proposal`, s, in a scene with breakpoints but no contacts;
+    arguments as for `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
+    """Return the length of the next step, s: the proposed one, but after a step that an event cut
+    short (`is_cut`) at least the full length of the last proposal."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 

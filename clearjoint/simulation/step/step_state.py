@@ -1,4 +1,5 @@
-"""Data that a run carries from step to step."""
+"""Data that a run carries from step to step: variables, contacts, tangents, and the next
+proposal."""
 
 from typing import TypeAlias, TypeVar
 
@@ -21,16 +22,19 @@ from .unrolled_runge_kutta import DenseInformation
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""State of a diffrax solver between steps."""
+"""State of a diffrax solver between steps; for `UnrolledExplicit` the rates at the end of the
+step."""
 ControllerState: TypeAlias = PyTree[Scalar]
 """State of a diffrax step-size controller between steps."""
 
 
 class Method(eqx.Module):
-    """Integration method: solver, step-size controller and landing.
+    """Integration method.
 
-    `landing` is ``None`` if steps go across contact events. `derivative_tolerance`: tolerance of
-    the tangents, in tolerances of the state; ``None`` in runs without tangents.
+    - `solver`, `controller`: diffrax's, ready for single steps.
+    - `landing`: where steps end at contact events; ``None`` if steps go across these events.
+    - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
+      the variables; ``None`` in runs without tangents.
     """
 
     solver: diffrax.AbstractSolver
@@ -40,8 +44,12 @@ class Method(eqx.Module):
 
 
 class Variables(eqx.Module):
-    """The integrated variables: those of the coordinates, the integrals of the energy ledger in J,
-    and bristle deflections in m (empty without bristle laws). Their rates have the same form."""
+    """The integrated variables, or their rates, which have the same form.
+
+    - `motion`: coordinates and velocities, as the formulation defines them, in SI units.
+    - `work`: integrals of the energy ledger by name, J; empty without a ledger.
+    - `bristles`: deflections, m, as `bristles[joint][contact]`; empty without bristle laws.
+    """
 
     motion: MotionVariables
     work: dict[str, Scalar]
@@ -49,10 +57,11 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of the state of a `Step` with respect to the coordinates of p parameters.
+    """Tangents: derivatives with respect to p parameters, of fields of a `Step`.
 
     Each field has the structure of the field of `Step` with the same name, and each leaf has an
-    additional first axis of length p. Units are those of the variables, per unit of a coordinate.
+    additional first axis of length p. The unit of a leaf is that of the variable, per unit of the
+    parameter on its scale (a `Log` scale has no unit).
     """
 
     y: Variables
@@ -61,15 +70,16 @@ class Tangents(eqx.Module):
 
 
 class Proposal(eqx.Module):
-    """The step to try next.
+    """The step to try next. All times and lengths are in s.
 
-    - `t_next`: s, its end, unless an event or the end of the run comes first.
-    - `full_length`: s, its length if no event had cut the steps before it short.
-    - `begins_contact`: whether a contact begins at its start.
-    - `time_since_onset`: s, time since a contact last began, infinite if none has; ``None`` in runs
-      without derivatives.
-    - `entry_length`: s, length of the last step that began a contact and was not cut short.
-    - `made_jump`: whether rates may have jumped since the solver computed those that it keeps.
+    - `t_next`: end of the step, unless an event or the end of the run comes first.
+    - `full_length`: length that the step would have if no event had cut earlier steps short.
+    - `begins_contact`: whether a contact begins at the start of the step.
+    - `time_since_onset`: time from the latest onset of a contact to the start of the step, infinite
+      if there was none; ``None`` in runs without derivatives.
+    - `entry_length`: length of the latest step that began with an onset and was not cut short.
+    - `made_jump`: whether rates may have jumped at the start of the step, after the solver computed
+      the rates that it keeps.
     - `controller_state`: state of the step-size controller.
     """
 
@@ -85,12 +95,14 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """The complete state of a run between two steps.
 
-    - `t`: s, the end of the last accepted step; `y`, `entry_speeds` (m/s), `contact_gaps` and
-      `second_rates` (of the gaps, m/s^2; zero if the solver keeps no rates) are those at t.
+    - `t`: end of the latest accepted step, s since the `origin` of the `System`.
+    - `y`, `entry_speeds` (m/s), `contact_gaps` (m and m/s): variables and contacts at t.
+    - `second_rates`: second derivative of each penetration at t, m/s^2, by joint and contact; zero
+      if the solver keeps no rates.
     - `solver_state`, `proposal`: input of the next trial.
     - `result`: the result code so far.
-    - `attempts`, `accepted`: number of trials, and of accepted ones.
-    - `tangents`: ``None`` in runs without derivatives.
+    - `attempts`, `accepted`: number of trials so far, and of those that were accepted.
+    - `tangents`: derivatives of the state; ``None`` in runs without derivatives.
     """
 
     t: Scalar
@@ -107,14 +119,14 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """The state after a trial step, with the data for dense output inside it.
+    """The state after a trial step, with the data for dense output inside this step.
 
-    - `step`: the new state if the trial was accepted, otherwise the old one with a new proposal.
+    - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal.
     - `kept`: whether the trial was accepted.
-    - `t_start`, `entry_speeds_start`: s and m/s, at the start of the trial.
+    - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `information`: the solver's data for dense output.
-    - `time_map`: of the trial; ``None`` if time is uniform in all steps.
-    - `tangents`: the same data for the derivatives; ``None`` in runs without derivatives.
+    - `time_map`: how time passes in the trial; ``None`` if time is uniform in all steps.
+    - `tangents`: derivatives of the data for dense output; ``None`` in runs without derivatives.
     """
 
     step: Step
@@ -127,10 +139,10 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """Data for dense output of the derivatives with respect to p parameters inside a step.
+    """Derivatives, with respect to p parameters, of the data for dense output inside a step.
 
-    They are the derivatives of the fields of `Attempt` with the same names, with a first axis of
-    length p in each leaf.
+    Each field is the derivative of the field of `Attempt` with the same name; each leaf has an
+    additional first axis of length p.
     """
 
     entry_speeds_start: EntrySpeeds
@@ -138,5 +150,6 @@ class TangentsInside(eqx.Module):
 
 
 def choose(condition: Condition, first: T, second: T) -> T:
-    """Return the first of two PyTrees if a condition is true, else the second, leaf by leaf."""
+    """Return `first` if `condition`, a scalar, is true, otherwise `second`; leaf by leaf, in
+    PyTrees of one structure."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

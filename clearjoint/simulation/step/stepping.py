@@ -1,11 +1,12 @@
 """Main loop of a run: try one step, accept or reject it, and carry the state to the next one.
 
-diffrax supplies the solver's `step` and the controller's `adapt_step_size`, called one step at a
-time (diffrax, "manual stepping") instead of through `diffeqsolve`. Between a trial step and its
-acceptance this module lands steps on contact events, updates entry speeds and bristles, corrects
-the state across force discontinuities and carries derivatives. Inside `diffeqsolve` this would need
-hidden state in wrapped solvers and controllers. The body of the loop is scalar arithmetic without
-callbacks, custom calls or scatters, so that it compiles to one native function.
+diffrax supplies the solver's `step` and the controller's `adapt_step_size`. This module calls them
+one step at a time (diffrax, "manual stepping") instead of through `diffeqsolve`, because it lands
+steps on contact events, updates entry speeds and bristles, corrects the state across force
+discontinuities and carries derivatives, all between a trial step and its acceptance. In
+`diffeqsolve` wrapped solvers and controllers would need hidden state for this. The body of the loop
+is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one native
+function.
 """
 
 import warnings
@@ -56,14 +57,16 @@ from .unrolled_runge_kutta import UnrolledExplicit
 Shapes = TypeVar("Shapes")
 
 MANY_OPERATIONS = 50_000
-"""Operations of the equations of motion above which compiling takes half a minute or more.
+"""Number of operations in the equations of motion above which `shapes_of` warns: compiling then
+takes half a minute or more.
 
 Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
 processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
 and 55 000 operations). XLA writes out all stages: 53 and 264 s for the first two chains, more than
-8 GB of memory for the last."""
+8 GB of memory for the last.
+"""
 OPERATIONS_WITH_DERIVATIVES = 3
-"""Operations of a step that carries derivatives, relative to one that does not."""
+"""Number of operations of a step with derivatives, relative to a step without."""
 
 
 def start(
@@ -76,21 +79,23 @@ def start(
     entry_speeds: EntrySpeeds,
     derivatives: bool = False,
 ) -> Step:
-    """Return the `Step` from which a run begins at t0.
+    """Return the `Step` from which a run begins.
 
     **Arguments:**
 
-    - `first_step`: s; chosen by the controller if ``None``.
-    - `y`: the motion, and optionally ledger integrals and bristle deflections to continue from;
+    - `t0`, `t_end`: start and end of the run, s since the system's `origin`.
+    - `first_step`: length of the first step, s; the controller chooses it if ``None``.
+    - `y`: the motion and, to continue an earlier run, ledger integrals and bristle deflections;
       missing ones are initialised.
-    - `entry_speeds`: m/s; derived from the contacts at t0 if empty.
-    - `derivatives`: whether tangents will be added to the step.
+    - `entry_speeds`: m/s, by joint and contact; derived from the contacts at `t0` if empty.
+    - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
     entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
     y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
     term, args = term_of(method), (system, entry_speeds)
+    # `wrap(1)` tells diffrax's controller that time runs forward.
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
     )
@@ -122,20 +127,21 @@ def start(
 
 
 def _time_since_onset(contact_gaps: ContactGaps) -> Scalar:
-    """Time in s since the onset of a contact at the start of a run: zero for a contact that begins
-    there; unknown, so infinite, for one that already exists."""
+    """Return the time since the onset of a contact at the start of a run, s: zero if a contact
+    begins there, otherwise infinite, since the onset of an existing contact is unknown."""
     return jnp.where(begins_at_start(contact_gaps), 0.0, jnp.inf)
 
 
 def _initial_ledger(
     system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
 ) -> dict[str, Scalar]:
-    """Return the integrals of the energy ledger at the start, J.
+    """Return the integrals of the energy ledger at the start, J, by name; empty without a ledger.
 
-    Given integrals are kept; the others start at zero. "friction" starts at the energy stored in
-    the bristles, because the ledger books under it all energy that friction takes from the motion,
-    including the part that bristles will return.
+    Integrals in `y.work` are kept; the others start at zero. "friction" starts at the energy stored
+    in the bristles: the ledger counts under "friction" all energy that friction takes from the
+    motion, including the part that bristles will return.
     """
+    # Only the names of the powers are needed: the equations are traced and not computed.
     _, powers = shapes_of(
         lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
     )
@@ -150,7 +156,10 @@ def _initial_ledger(
 def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     """Return `jax.eval_shape` of the equations of motion, and warn if they are large.
 
-    It runs while a program is traced: once for each program that is compiled, before the compiler.
+    It runs while a program is traced: once for each compiled program, before the compiler starts.
+
+    **Arguments:** `equations`: function without arguments; `derivatives`: whether steps carry
+    tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
     operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
@@ -167,7 +176,7 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
 
 
 class _AcceptedState(eqx.Module):
-    """The state after a trial step if that is accepted; the fields have the names of `Step`'s."""
+    """The state after a trial step, for the case that the step is accepted; fields as in `Step`."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -181,8 +190,8 @@ def attempt(
 ) -> Attempt:
     """Try one step from `step`; either accept it or propose a shorter one.
 
-    **Arguments:** `t_end`: s, the end of the run, beyond which the step does not go; `family`: the
-    systems over the parameters, if the step carries derivatives along them.
+    **Arguments:** `t_end`: end of the run, s since the system's `origin`, beyond which no step
+    goes; `family`: the systems as functions of the parameters, if the step carries derivatives.
 
     **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
     the given state with a new proposal.
@@ -229,10 +238,13 @@ def _accepted_state(
     after: ContactGaps,
     keep: Condition,
 ) -> _AcceptedState:
-    """Return the state after an accepted trial that ends with the contact gaps `after`.
+    """Return the state after a trial, for the case that the trial is accepted.
 
     Entry speeds are updated first, since they depend on the gaps as the solver found them. Then the
     variables are corrected for force discontinuities at the end of the step.
+
+    **Arguments:** `after`: the contact gaps at the end of the trial; `keep`: whether the trial is
+    accepted. The state after a rejected trial is not used, so a single run skips parts of the work.
     """
     t1, y1 = trial.t1, trial.outcome.y
     second_rates = choose(
@@ -260,11 +272,11 @@ def _across_discontinuities(
     trial: Trial,
     keep: Condition,
 ) -> tuple[Variables, Variables | None]:
-    """Return the variables at the end of a step and their tangents (``None`` without a `family`),
-    corrected for force discontinuities there.
+    """Return the variables at the end of a step and their tangents, corrected for force
+    discontinuities there; the tangents are ``None`` without a `family`.
 
     See `.saltation` and `.breakpoint_events`. The corrections of the values are zero to rounding,
-    except for velocities at the kink of a driver; those of the derivatives are not.
+    except for velocities at the kink of a driver; the corrections of the derivatives are not small.
     """
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
     # What the scene cannot have is left out of the program. A force whose slope alone jumps changes
@@ -276,6 +288,8 @@ def _across_discontinuities(
         return y1, y_tangents
     t1 = trial.t1
 
+    # All corrections are one function of the system, so that `family` can differentiate them by the
+    # parameters. Bristles come last: they follow the corrected motion.
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         if contacts:
             time = one_sided_time(system, step.t, t1)
@@ -310,11 +324,13 @@ def _tangents_after(
     y_tangents: Variables,
     second_rates: ByLabel[Scalar],
 ) -> Tangents:
-    """Return the tangents if the step is accepted; `y_tangents` are those of the variables at its
-    end.
+    """Return the tangents for the case that the step is accepted.
 
     The tangents of entry speeds neglect terms proportional to the penetration at the end of the
     step, because the second rates are treated as constants.
+
+    **Arguments:** `y_tangents`: tangents of the corrected variables at the end of the step;
+    `second_rates`: second derivatives of penetrations there, m/s^2.
     """
     end, start = trial.tangents, step.tangents
     assert end is not None and start is not None
@@ -345,7 +361,10 @@ def _entry_speeds_after(
     keep: Condition,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds if the step is accepted, m/s."""
+    """Return the entry speeds after a step, m/s, by joint and contact, if the step is accepted.
+
+    **Arguments:** `y1`, `after`: variables and contact gaps at the end `t1`, s, of the step.
+    """
     if not uses_entry_speed(system.scene):
         return step.entry_speeds
     if not isinstance(method.solver, UnrolledExplicit):
@@ -372,8 +391,11 @@ def _second_rates(
     solver_state: SolverState,
     contact_gaps: ContactGaps,
 ) -> ByLabel[Scalar]:
-    """Return the second derivatives of the gaps, m/s^2, if the solver's state is the rates of the
-    variables, as in `UnrolledExplicit`; otherwise zeros."""
+    """Return the second derivatives of penetrations, m/s^2, by joint and contact.
+
+    The rates of the variables, which `UnrolledExplicit` keeps as its state, determine them. With
+    other solvers the result is zero.
+    """
     if contact_gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return jax.tree.map(
@@ -391,12 +413,14 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return an `Attempt` of zeros around `step`: the initial value of a loop over attempts."""
+    """Return an `Attempt` of zeros that contains `step`: the initial value of a loop over
+    attempts."""
     shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     return replace(zeros, step=step)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Whether to try another step: before `t_end`, without failure, within `attempts` trials."""
+    """Return whether to try another step: the run is before `t_end`, s, without failure, and has
+    made fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -1,4 +1,4 @@
-"""Systems as functions of parameters, for derivatives along these."""
+"""Systems of the equations of motion as functions of parameters, for their derivatives."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,7 +18,15 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The systems of a family of scenes, without grouped elements; `origin` as of `System`."""
+    """The systems of a scene that depends on p parameters, without groups of elements.
+
+    **Arguments:**
+
+    - `family`: the scene and its initial state as functions of the parameters.
+    - `formulation`: formulation of the equations of motion.
+    - `origin`: the scene's time at which the time of a run is zero, s; ``None`` for the scene's
+      time.
+    """
 
     family: AbstractFamily
     formulation: Formulation
@@ -26,15 +34,15 @@ class SystemFamily(eqx.Module):
 
     @property
     def values(self) -> Coordinates:
-        """The coordinates of the parameters at which derivatives are taken, (p,)."""
+        """The parameters on their scales at which derivatives are taken, (p,)."""
         return self.family.values
 
     def system(self) -> System:
-        """Return the system of the scene at the coordinates `values`."""
+        """Return the system of the scene at the parameters `values`."""
         return System(self.family.scene(self.values), self.formulation, self.origin)
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), in scalar form."""
+        """Return the initial state, in scalar form, at parameters on their scales, (p,)."""
         return self.family.start(values)
 
     def pushed(
@@ -43,8 +51,17 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """Return the value, auxiliary result and derivatives along the parameters of a function of
-        the system and `primals`; see `AbstractFamily.pushed`."""
+        """Compute a function of the system and its derivatives with respect to the parameters.
+
+        **Arguments:**
+
+        - `function`: function of the system and of `primals`. It returns a pair: the value, which
+          is differentiated, and an auxiliary result, which is not.
+        - `primals`: arguments that follow the system; they may depend on the parameters.
+        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
+
+        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
+        """
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation, self.origin), *primals)

@@ -1,13 +1,14 @@
-"""Time maps of steps: time passes slowly where a contact begins or ends.
+"""Time maps of steps: they place stages close together where a contact begins or ends.
 
-Contact forces begin as (t - t_on)^1.5, and end so; their derivatives along a parameter go as the
-square root. Neither is smooth in t, but both are in the square root of the time since the onset or
-until the end. With uniform time, error estimates miss nearly all of the error of the first step
-after an onset: 1e-6 of an impact's energy at rtol 1e-8. Steps with derivatives can change by at
-most a seventh each after an onset and before an end.
+After an onset at t_on a contact force grows as (t - t_on)^1.5, and before the end of the contact it
+falls likewise. Its derivative with respect to a parameter goes as the square root of the same time.
+Neither is smooth in t, but both are smooth in that square root. With uniform time, error estimates
+miss nearly all of the error of the first step after an onset: 1e-6 of an impact's energy at an
+`rtol` of 1e-8. And in runs with derivatives, the lengths of consecutive steps could differ by at
+most a seventh after an onset and before an end.
 
-A time map is a polynomial from the fraction x of a step, 0 to 1, in which the solver's stages are
-spaced, to the elapsed part of the step's time.
+A time map is a polynomial. Its argument is the fraction x of a step, 0 to 1, at which the tableau
+places the solver's stages; its value is the elapsed part of the step's time, 0 to 1.
 """
 
 import abc
@@ -19,36 +20,42 @@ import jax.numpy as jnp
 from ...math.vectors import Condition, Scalar
 
 TINY = 1e-300
-"""Floor for sqrt arguments; keeps the derivative finite."""
+"""Smallest argument of square roots, whose derivative at zero would be infinite."""
 
 
 class AbstractTimeMap(eqx.Module):
-    """Relation between the fraction x of a step and the elapsed part of its time."""
+    """Relation between the fraction x of a step, 0 to 1, and the elapsed part of its time, 0 to
+    1."""
 
     @abc.abstractmethod
     def elapsed(self, x: float) -> Scalar:
-        """Return the elapsed part of the step's time at a fraction x."""
+        """Return the elapsed part of the step's time at the fraction x."""
 
     @abc.abstractmethod
     def slope(self, x: float) -> Scalar:
-        """Return the derivative of `elapsed`."""
+        """Return the derivative of `elapsed` with respect to x, at x."""
 
     @abc.abstractmethod
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the fraction x at an elapsed part of the time, the inverse of `elapsed`."""
+        """Return the fraction x at which a part `elapsed` of the time has passed; the inverse of
+        the method `elapsed`."""
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Convert the controller's proposal into the length of the step to try next, s.
+        """Return the length of the step to try next, s.
 
-        **Arguments:** `proposed`: s, as if the next step had the time map of this one; `keep`:
-        whether this step is accepted; otherwise it is repeated.
+        **Arguments:** `proposed`: s, the controller's proposal, which assumes that the next step
+        has the same time map; `keep`: whether this step is accepted. A rejected step is repeated
+        from its start.
         """
         del keep
         return proposed
 
 
 class FromOnset(AbstractTimeMap):
-    """Time as the square of x if a contact `begins` at the start of the step; uniform otherwise."""
+    """Time map that is quadratic after an onset and uniform otherwise.
+
+    **Arguments:** `begins`: whether a contact begins at the start of the step.
+    """
 
     begins: Condition
 
@@ -61,16 +68,19 @@ class FromOnset(AbstractTimeMap):
         return jnp.where(self.begins, 2.0 * x, 1.0)
 
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the square root after an onset, otherwise the elapsed part."""
+        """Return the square root of `elapsed` after an onset, otherwise `elapsed`."""
         return jnp.where(self.begins, jnp.sqrt(jnp.maximum(elapsed, 0.0)), elapsed)
 
 
 class WithinContact(AbstractTimeMap):
-    """x uniform in the square root of the time since the onset of a contact, or until its end.
+    """Time map in which x is linear in the square root of the time since a contact's onset, or of
+    the time until its end.
 
-    - `length`: s, of the step.
-    - `start`, `end`: the square roots at its start and end, s^0.5; both 1 without a contact, which
-      makes time uniform.
+    **Arguments:**
+
+    - `length`: length of the step, s.
+    - `start`, `end`: the square roots at the start and end of the step, s^0.5; both 1 without a
+      contact, which makes time uniform.
     """
 
     length: Scalar
@@ -81,11 +91,16 @@ class WithinContact(AbstractTimeMap):
     def of(
         length: Scalar, touches: Condition, begins: Condition, since: Scalar, until_end: Scalar
     ) -> "WithinContact":
-        """Return the time map of a step of a given length, s.
+        """Return the time map of a step.
 
-        **Arguments:** `touches`: whether any contact is closed; `begins`: whether one begins at the
-        start of the step; `since`: s, time since the last onset; `until_end`: s, time until the
-        first contact ends.
+        **Arguments:**
+
+        - `length`: length of the step, s.
+        - `touches`: whether any contact exists; `begins`: whether a contact begins at the start of
+          the step.
+        - `since`: time since the latest onset, s, infinite if there was none.
+        - `until_end`: predicted time until the first contact ends, s, infinite if none is expected
+          to end.
         """
         # The nearer singularity decides. At an onset `since` may still be that of an earlier
         # contact, so `begins` overrides it.
@@ -98,27 +113,32 @@ class WithinContact(AbstractTimeMap):
         return jax.lax.stop_gradient(WithinContact(length, *roots))
 
     def elapsed(self, x: float) -> Scalar:
-        """Return x (p + (1 - p) x) with the slope p at the start."""
+        """Return x (p + (1 - p) x), where p is the slope at the start of the step."""
         pace = self._initial_slope()
         return x * (pace + (1.0 - pace) * x)
 
     def slope(self, x: float) -> Scalar:
-        """Return the derivative of `elapsed`."""
+        """Return p + 2 (1 - p) x, the derivative of `elapsed`, where p is the slope at the
+        start."""
         pace = self._initial_slope()
         return pace + 2.0 * x * (1.0 - pace)
 
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the root of the quadratic `elapsed`, in the form without cancellation."""
+        """Return the root x of the quadratic equation `elapsed(x) = elapsed`.
+
+        The form of the root avoids the cancellation of nearly equal terms.
+        """
         pace = self._initial_slope()
         square = pace * pace + 4.0 * (1.0 - pace) * elapsed
         return 2.0 * elapsed / (pace + jnp.sqrt(jnp.maximum(square, TINY)))
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of a step whose square roots differ by this step's difference times
-        the ratio that the controller proposes for lengths.
+        """Return the length of the step to try next, s.
 
-        The controller's ratio applies to the variable in which the error is smooth, that is to the
-        square root. If the next step would go past the end of the contact, the proposal is used.
+        The error of a step is smooth in the square root of time, the variable of this map.
+        Therefore the controller's ratio, `proposed / length`, is applied to the difference of
+        square roots over this step; the result is the length of a step with that difference. If
+        this step would go past the end of the contact, `proposed` is returned.
         """
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
@@ -127,5 +147,6 @@ class WithinContact(AbstractTimeMap):
         return jnp.where(root + change >= 0.0, alike, proposed)
 
     def _initial_slope(self) -> Scalar:
-        """Return the slope of `elapsed` at the start of the step."""
+        """Return the slope of `elapsed` at the start of the step, 0 at an onset and 1 for uniform
+        time."""
         return 2.0 * self.start / (self.start + self.end)

@@ -26,15 +26,16 @@ from .time_map import AbstractTimeMap, FromOnset, WithinContact
 from .unrolled_runge_kutta import DenseInformation, UnrolledExplicit
 
 REJECTED_ERROR = 1e30
-"""Error assigned to a trial that is not finite: no controller accepts it."""
+"""Error assigned to a trial that is not finite, large enough for any controller to reject it."""
 
 
 def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
-    """Return the time derivatives of all integrated variables at t, s.
+    """Return the time derivatives of all integrated variables at the time t, s.
 
-    If `closed` is given, only these contacts transmit forces; otherwise those that penetrate.
+    **Arguments:** `entry_speeds`: m/s; `closed`: whether each contact transmits a force, by joint
+    and contact; by default those that penetrate do.
     """
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
@@ -42,14 +43,15 @@ def rates_of(
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """Return the rates of the variables as a diffrax term with `(system, entry_speeds)` as args.
-
-    **Arguments:** `step`: the step in which the rates are evaluated. If steps land on contact
-    events, contacts then stay open or closed as they are at its start; forces that depend on time
-    are taken on the step's side of each breakpoint.
+    """Return the rates of the variables as a diffrax term, with `(system, entry_speeds)` as `args`.
 
     The rates are traced once per term and reused for all stages. Each term traces anew, because the
     traced function closes over values of the surrounding trace.
+
+    **Arguments:** `step`: the state at the start of the step in which the rates are evaluated;
+    ``None`` outside of steps. If steps land on contact events, contacts stay open or closed in the
+    whole step as they are at its start. Forces that depend on time are evaluated between the same
+    two breakpoints in the whole step.
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
@@ -75,14 +77,20 @@ def _rates(
 
 
 def error_order(method: Method) -> Single:
-    """Return the order of the solver's error estimate, which the controller needs."""
+    """Return the order of the solver's error estimate, from which the controller finds step
+    lengths."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
     return order
 
 
 class SolverStep(eqx.Module):
-    """Result of a solver's step; or its derivatives along p parameters, p as the first axis."""
+    """Result of a solver's step: variables, error estimate, data for dense output, and solver
+    state.
+
+    As tangents, the derivatives of these with respect to p parameters: each leaf has an additional
+    first axis of length p.
+    """
 
     y: Variables
     error: Variables
@@ -93,9 +101,10 @@ class SolverStep(eqx.Module):
 class Trial(eqx.Module):
     """A trial step as the solver computed it.
 
-    - `t1`: s, its end; `time_map`: how time passes in it.
-    - `outcome`: its result; `tangents`: the derivatives of the result, ``None`` without any.
-    - `finite`: whether both are finite. If not, the variables are those at the start of the step.
+    - `t1`: end of the step, s; `time_map`: how time passes in the step.
+    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without.
+    - `finite`: whether `outcome` and `tangents` are finite. If not, their variables are those at
+      the start of the step, and their errors `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
     """
 
@@ -108,7 +117,8 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step up to t1; ``None`` if time is uniform in all steps."""
+    """Return the time map of the step from `step` to `t1`, s; ``None`` if time is uniform in all
+    steps of the run."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -125,11 +135,17 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute the solver's step up to t1, stabilised and with derivatives along `family`."""
+    """Compute the solver's step from `step` to `t1`, s, corrected by the stabilisation.
+
+    **Arguments:** `family`: the systems as functions of the parameters; ``None`` without
+    derivatives.
+    """
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
     options = {} if time_map is None else {"time_map": time_map}
 
+    # Stabilisation and normalisation are part of the function that `family` differentiates, so that
+    # the tangents belong to the variables as they are after both.
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
@@ -172,12 +188,13 @@ def _after_jump(
     t1: Scalar,
     start: tuple[Variables, EntrySpeeds, SolverState],
 ) -> SolverState:
-    """Return the solver's state at the start of a step: the kept one, or a new one if a contact
-    began or ended there.
+    """Return the solver's state at the start of a step: computed anew if a contact began or ended
+    there, otherwise the state that the solver kept.
 
-    The kept rates are those with the contacts of the last step. Their values agree with the new
-    ones, but their derivatives do not if the slope of a force jumps. `start` holds the variables,
-    the entry speeds and the kept state.
+    The kept rates are those with the contacts of the last step. They agree with the new rates, but
+    their derivatives do not if the slope of a force jumps.
+
+    **Arguments:** `start`: variables, entry speeds and kept solver state at the start of the step.
     """
     y, entry_speeds, kept = start
 
@@ -191,10 +208,10 @@ def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
     """Return the variables normalised (unit Euler parameters, angles within two turns), and the
-    solver's state to match.
+    solver's state for the normalised variables.
 
     The solver keeps rates of the variables for its next step. Normalising is a change of variables,
-    so rates are mapped by its derivative.
+    so rates are multiplied by its Jacobian.
     """
 
     def matching(node: PyTree) -> PyTree:
@@ -208,8 +225,8 @@ def _without_drift(
 
 
 def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """Return the outcome if it is finite; otherwise one with the variables `y` and an error that no
-    controller accepts."""
+    """Return `outcome` if `finite`; otherwise with the variables `y` and errors
+    `REJECTED_ERROR`."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return SolverStep(
         choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
@@ -217,11 +234,12 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Whether rates may be discontinuous from the end of one step to the start of the next.
+    """Return whether rates may be discontinuous from the end of one step to the start of the next.
 
-    Then the rates that the solver keeps from the last step cannot be reused. Breakpoints, bristles
-    that a contact begins to drag, and forces that jump at onset make rates discontinuous. So does a
-    new entry speed, unless steps land on onsets: there the force is still zero.
+    The rates that the solver keeps from the last step are then computed anew. Rates are
+    discontinuous at breakpoints, where a contact begins to drag bristles, and where a force jumps
+    at an onset. A new entry speed changes rates too, unless steps land on onsets: there the force
+    is still zero.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
@@ -229,15 +247,18 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
-    """Whether rates are continuous from step to step, but their slopes may jump where a contact
-    begins or ends."""
+    """Return whether rates are continuous from step to step, but their slopes may jump where a
+    contact begins or ends."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
 def _all_finite(tree: PyTree[Scalar]) -> Condition:
-    """Whether all numbers are finite, in one test: 0 times a NaN or an infinity is NaN, so the sum
-    of all leaves times 0 is zero only if every leaf is finite."""
+    """Return whether all numbers are finite.
+
+    The sum of all leaves times 0 is 0 only if every leaf is finite: 0 times a NaN or infinity is
+    NaN.
+    """
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, which takes fewer reductions.
@@ -246,6 +267,7 @@ def _all_finite(tree: PyTree[Scalar]) -> Condition:
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
-    """Sum by halves, so that a processor can do independent additions side by side."""
+    """Return the sum, by halves, so that a processor can do independent additions at the same
+    time."""
     middle = len(terms) // 2
     return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]

@@ -5,10 +5,10 @@ from typing import Any, TypeAlias
 from jaxtyping import Float, Int
 
 Numbers: TypeAlias = Float[Any, "*times"]
-"""A number at each time; a single one if there is no axis of times."""
+"""A number at each of N times, (N,); or a single number, ()."""
 Gradients: TypeAlias = Float[Any, "*times p"]
-"""Derivatives of a number at each time along p parameters."""
+"""Derivatives of a number with respect to p parameters at each of N times, (N, p); or (p,)."""
 Integers: TypeAlias = Int[Any, "*times"]
-"""A whole number at each time."""
+"""A whole number at each of N times, (N,); or a single one, ()."""
 Vectors: TypeAlias = Float[Any, "*times 3"]
-"""Three components at each time."""
+"""The x, y and z component of a vector at each of N times, (N, 3); or (3,)."""

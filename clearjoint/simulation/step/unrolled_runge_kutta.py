@@ -1,11 +1,11 @@
 """Explicit Runge-Kutta steps with their stages written out.
 
-diffrax loops over the stages and decides inside the loop, from all lanes of a batch together,
-whether the last stage of the previous step can be reused. Written out, a step is plain arithmetic:
-in a batch it takes a third of the time, and no lane depends on another, so that its numbers are
-those of a single run. Tableaux, error estimates and dense output are diffrax's.
+diffrax loops over the stages of a step. Inside the loop it decides whether the last stage of the
+previous step can be reused, for all lanes of a batch together. Written out, a step is plain
+arithmetic: in a batch it takes a third of the time, and each lane has the numbers of a single run.
+Tableaux, error estimates and dense output are diffrax's.
 
-Time may be non-uniform in a step: see `.time_map`.
+A time map may space the stages of a step non-uniformly in time: see `.time_map`.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,15 +26,17 @@ from .time_map import AbstractTimeMap
 
 Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
-"""A PyTree of variables, or of their rates."""
+"""A PyTree of variables, or of their rates per s."""
 DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
-"""What a diffrax solver returns for the dense output of a step, by its names."""
+"""Data for the dense output of a step: "y0" and "y1", the variables at its start and end, and
+"stages", the rates in each stage (other names for solvers other than `UnrolledExplicit`)."""
 
 
 class UnrolledExplicit(diffrax.AbstractSolver):
-    """A diffrax explicit Runge-Kutta method with its stages written out.
+    """A diffrax explicit Runge-Kutta `method` with its stages written out.
 
-    The state of the solver is the rates at the start of the next step.
+    The state of the solver is the rates at the start of the next step. Arguments and results of the
+    methods are those of diffrax's `AbstractSolver`.
     """
 
     method: diffrax.AbstractERK
@@ -42,7 +44,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     @property
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Factory of the dense output of a step, in diffrax's interface."""
+        """Function that returns the dense output of a step, with the arguments `t0`, `t1`, s, and
+        the items of `DenseInformation`."""
         return self._interpolation
 
     def _interpolation(
@@ -60,11 +63,11 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return self.method.error_order(terms)
 
     def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
-        """Return the rates of the variables at a time."""
+        """Return the rates of the variables `y0` at the time `t0`, s."""
         return terms.vf(t0, y0, args)
 
     def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
-        """Return the state before the first step: the rates there."""
+        """Return the solver's state before the first step: the rates at `t0`, s."""
         del t1
         return terms.vf(t0, y0, args)
 
@@ -79,13 +82,14 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         made_jump: Scalar,
         time_map: AbstractTimeMap | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
-        """Compute one step from t0 to t1, s.
+        """Compute one step from `t0` to `t1`, s.
 
-        **Arguments:** `solver_state`: the rates at t0, reused if `made_jump` is ``False``;
-        `time_map`: how time passes in the step, uniformly if ``None``.
+        **Arguments:** `y0`: variables at `t0`; `solver_state`: the rates at `t0`, reused only if
+        `made_jump` is the Python value ``False``; `time_map`: how time passes in the step,
+        uniformly if ``None``.
 
-        **Returns:** the variables at t1, the error estimate, the data for dense output, the rates
-        at t1 and diffrax's result code.
+        **Returns:** the variables at `t1`, the error estimate, the data for dense output, the rates
+        at `t1`, and diffrax's result code.
         """
         tableau = _tableau(self.method)
         h = t1 - t0
@@ -98,6 +102,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(y0, h, row, stages)
             elapsed = fraction if time_map is None else time_map.elapsed(fraction)
+            # The last stage is at exactly t1; t0 + h may differ from it by rounding.
             t = t1 if fraction == 1.0 else t0 + elapsed * h
             last = terms.vf(t, y, args)
             stages.append(_rates_by_fraction(last, fraction, time_map))
@@ -114,12 +119,15 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
 
 class DenseOutput(eqx.Module):
-    """diffrax's dense output of a step, in scalar form.
+    """Dense output of a step from `t0` to `t1`, s, in scalar form; the polynomials are diffrax's.
 
     Sums over the stages are written out. A reduction of an array would be a loop between scalar
     operations, and XLA's emitter repeats expressions that it has emitted before a loop at each use
-    after it. One derivative of one acceleration of the double pendulum had 59 MB of LLVM text and
-    never compiled; now it has 11 MB.
+    after the loop. One derivative of one acceleration of the double pendulum had 59 MB of LLVM text
+    and never compiled; without reductions it has 11 MB.
+
+    **Arguments:** `y0`: variables at `t0`; `stages`: rates in each stage, times the slope of the
+    time map.
     """
 
     method: diffrax.AbstractERK
@@ -129,12 +137,13 @@ class DenseOutput(eqx.Module):
     stages: tuple[PyTree[Scalar], ...]
 
     def evaluate(self, t: Scalar) -> PyTree[Scalar]:
-        """Return the variables at a time within the step, s; time is uniform."""
+        """Return the variables at the time t, s, as if time were uniform in the step; see
+        `dense_time`."""
         h = self.t1 - self.t0
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at a fraction x of the step."""
+        """Return the variables at the fraction x of the step, 0 to 1."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -147,7 +156,8 @@ class DenseOutput(eqx.Module):
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return rates with respect to the fraction x of the step, divided by its length."""
+    """Return derivatives of the variables by the fraction x of the step, over the step's length:
+    `rates` at x times the slope of the time map."""
     if time_map is None:
         return rates
     slope = time_map.slope(x)
@@ -160,6 +170,7 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
 
 
 def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
+    """Return y0 + h sum of w_i f_i over the weights w and the stages f."""
     return jax.tree.map(lambda y, *rates: y + h * _weighted(weights, rates), y0, *stages)
 
 
@@ -169,7 +180,8 @@ def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """Return the solver with its stages written out if it is an explicit Runge-Kutta method."""
+    """Return the solver as `UnrolledExplicit` if it is an explicit Runge-Kutta method; otherwise
+    unchanged."""
     if isinstance(solver, diffrax.AbstractERK) and isinstance(
         solver.tableau, diffrax.ButcherTableau
     ):
@@ -178,7 +190,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
-    """Evaluate a polynomial without constant term; coefficients with the lowest power first."""
+    """Return a polynomial at x. The first coefficient is that of power 0, which must be zero."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)
@@ -189,10 +201,12 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
     """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i over the stages f_i.
 
-    Shape (stages, degree + 1), lowest power first; x is the fraction of the step. diffrax's
-    interpolant is linear in the stages, so it is evaluated for unit stages at Chebyshev nodes x.
-    Its operations are executed one by one: a compiler would fuse them, and the digits would differ
-    between processors.
+    The polynomials do not depend on the step. diffrax's interpolant is linear in the stages, so it
+    is evaluated for unit stages at Chebyshev nodes x. The operations of the interpolant are
+    executed one by one: a compiler would fuse them, and the digits would differ between processors.
+
+    **Returns:** the coefficients, (stages, degree + 1), lowest power of x first, where x is the
+    fraction of the step.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
@@ -202,6 +216,7 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
         return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
 
+    # With a step of length 1 from 0, unit stage i leads to y1 = b_sol[i].
     b, unit = np.asarray(tableau.b_sol), np.eye(stages)
     rows = zip(b, unit, strict=True)
     calls = [(0.0, 1.0, *row, t) for row in rows for t in x]

@@ -1,8 +1,9 @@
-"""Derivatives of a run along parameters: their initial values, and their values inside a step.
+"""Derivatives of a run with respect to parameters: initial values, and values inside a step.
 
-Runge-Kutta methods commute with differentiation: the derivative of a step along a parameter is the
-same step of the variational equations, error estimate included. Hence `attempt` differentiates the
-solver's step for all parameters at once, and controls the error of state and derivatives together.
+Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
+parameter is the same step of the variational equations, error estimate included. Hence `attempt`
+differentiates the solver's step for all parameters at once, and controls the errors of variables
+and derivatives together.
 """
 
 from dataclasses import replace
@@ -25,7 +26,11 @@ from .trial_step import term_of
 def start_with_tangents(
     method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the `Step` from which a run with derivatives begins at t0; see `start`."""
+    """Return the `Step` from which a run with derivatives begins at `t0`, s.
+
+    **Arguments:** `family`: the systems as functions of p parameters; `t_end`: end of the run, s;
+    `first_step`: length of the first step, s.
+    """
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family.start(values)
@@ -40,6 +45,8 @@ def start_with_tangents(
     system = family.system()
     step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
 
+    # Explicit methods keep the rates at the start, which depend on the parameters too. Their `init`
+    # ignores the end of the first step, for which `t_end` stands here.
     def solver_state(
         system: System, y: Variables, entry_speeds: EntrySpeeds
     ) -> tuple[SolverState, None]:
@@ -57,9 +64,11 @@ def start_with_tangents(
 
 
 def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
-    """Return the derivatives of the variables and entry speeds at a time t, s, of an accepted step.
+    """Return the derivatives of variables and entry speeds with respect to p parameters, (p, ...)
+    each, at a time t, s, of an accepted step.
 
-    These are the derivatives of `look_inside` before its projection onto the constraints.
+    They are the derivatives of the results of `look_inside` before the correction onto the
+    constraints.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
