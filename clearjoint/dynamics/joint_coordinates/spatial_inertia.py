@@ -44,7 +44,7 @@ class Inertia:
 
         - `axis`: unit vector of the rotation, or zero for a translation.
         - `whole`: momentum for a unit of the joint's speed.
-        - `rest`: `whole` without its component about `axis`.
+        - `rest`: `whole` without its components about the axes of the joint.
         """
         return Inertia(
             self.mass,
