@@ -126,7 +126,7 @@ class Quintic(NamedTuple):
         return a + x * (da + x * (half + x * (c3 + x * (c4 + x * c5))))
 
     def rate(self, x: Scalar) -> Scalar:
-        """Return the rate at position x; in a step of zero length, the derivative by x."""
+        """Return the rate at position x; zero in a step of zero length."""
         _, da, half, c3, c4, c5 = self.coefficients
         slope = da + x * (2.0 * half + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
         return slope / jnp.where(self.h > 0.0, self.h, 1.0)
