@@ -234,8 +234,8 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    It is used in the ``__init__`` methods of modules, since JAX would sort the keys, and fail for
-    keys that are not strings, before a check after construction.
+    It is used in the ``__init__`` methods of modules. Without it, JAX would sort the keys before
+    they are checked, and fail for keys of mixed types.
     """
     require_names(argument, given, remedy)
     return dict(given)
@@ -349,7 +349,8 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
     """Repeat the checks at construction for modules that contain a changed leaf, without warnings.
 
     A module of this package that contains the leaf only through a dictionary, list or tuple is not
-    checked, since its checks do not depend on single entries. A module of any other package is.
+    checked, since the entries of these are independent of each other. A module of any other package
+    is checked.
 
     **Arguments:** `structure`: of the tree, from `jax.tree.structure`; `changed`: one boolean for
     each leaf, in JAX's order.
