@@ -126,8 +126,7 @@ def _is_as_imported() -> bool:
         if _files() != _STATE.files:
             return False
         _STATE.modules = loaded
-    # Objects are compared by identity: replacing a function by an equal one is a change too, and
-    # comparing arrays by value would be slow.
+    # Objects are compared by identity, since any replacement of an object counts as a change.
     contents = _contents(_STATE.names)
     return len(contents) == len(_STATE.contents) and all(map(is_, contents, _STATE.contents))
 

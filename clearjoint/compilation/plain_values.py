@@ -28,7 +28,7 @@ _BASES = ("abc", "collections.abc", "enum", "typing")
 
 
 class NotPlainError(Exception):
-    """Raised for a value of which the source of some part is not known."""
+    """Raised for a value that `digest_of` cannot identify."""
 
 
 def digest_of(value: object) -> str:

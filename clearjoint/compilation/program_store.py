@@ -28,7 +28,7 @@ _is_on = False
 def keep_programs(keep: bool = True) -> None:
     """Switch on or off that whole native programs are saved in JAX's compilation cache.
 
-    The machine code of their parts, compiled by XLA, is saved in any case.
+    Their machine code is saved in any case.
     """
     global _is_on
     _is_on = keep

@@ -30,6 +30,7 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     global variable that the function reads may have changed.
     """
 
+    # Only arrays are traced; other leaves are static, so that the function can branch on them.
     @partial(jax.jit, static_argnums=1)
     def traced(arrays: tuple[PyTree, ...], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
         leaves, structure = others
@@ -50,7 +51,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
     """Return the jaxpr of a function for given arguments, and the shapes of its result as a PyTree.
 
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are one equation without an inner
-    jaxpr until JAX lowers it. Here they are expanded, so that all equations are known primitives.
+    jaxpr until JAX lowers it. Here such operations are expanded to their own equations.
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.

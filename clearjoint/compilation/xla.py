@@ -17,8 +17,7 @@ from .tracing import collector_at_rest, is_tracing
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options: LLVM's first level of optimisation compiles faster than the third, which
-is the default."""
+"""XLA's compiler options: LLVM's first level of optimisation compiles faster than its third."""
 _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 """Attributes of a call that make XLA's CPU compiler compile it as a function of its own."""
 
@@ -45,6 +44,8 @@ class Compiled(Generic[Arguments, Result]):
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, compiling a program first if none fits the arguments."""
         with collector_at_rest(), program_is_made_inside():
+            # Within another program, this function is a part of it, for which JAX refuses compiler
+            # options.
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 

@@ -101,6 +101,7 @@ def since_breakpoints(
             in_step = _is_after(at, start) & ~_is_after(at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
+        # The mean has the derivative of the time even if a table lists a breakpoint twice.
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
 

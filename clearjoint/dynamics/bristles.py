@@ -82,10 +82,12 @@ def updated_bristles(
             end = after[name][label]
             if lands:
                 began = (before[name][label].depth <= 0.0) & (end.depth > 0.0) & (end.rate > 0.0)
+                # The inner `where` keeps the derivative of the unused alternative finite.
                 since = jnp.where(began, end.depth / jnp.where(began, end.rate, 1.0), 0.0)
                 slip = contacts[label].slip
                 assert slip is not None, "a contact with bristles has a slip"
                 deflection = deflection + first.components(slip) * since
+            # Bristles of an open contact spring back; the next contact starts with relaxed ones.
             updated[name][label] = Vector(
                 *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
             )

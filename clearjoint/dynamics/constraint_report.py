@@ -122,9 +122,13 @@ def start_rows(
     rows = _by_name(constraint_rows(scene, absolute, mechanics.motions, t))
     values = [as_array([row.value])[0] for row in rows.values()]
     rates = [as_array([row_rate(row, mechanics.motions)])[0] for row in rows.values()]
+    # The Jacobian by velocities and spins of the bodies: in absolute coordinates, H is the
+    # identity.
     jacobian = {name: as_array(mechanics.projected(row.jacobian)) for name, row in rows.items()}
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))
+    # Rows are divided by their norms in absolute coordinates, since a row that the coordinates
+    # nearly satisfy must stay small, and count as dependent.
     left = [
         as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
         for name, row in remaining.items()

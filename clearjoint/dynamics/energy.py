@@ -29,6 +29,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     for family in dynamics.contact_forces.values():
         for force in family.values():
             rate = force.contact.gap.rate
+            # The elastic part of the normal force is conservative, so only the rest dissipates.
             book("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
                 book("friction", -force.friction.dot(force.contact.slip))

@@ -53,6 +53,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
+        # NumPy would convert strings and bools to floats without an error.
         unfit = value is None or np.asarray(value).dtype.kind in "USb"
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -160,6 +160,7 @@ class Parabola(NamedTuple):
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
         """Return the total length of the parts of [a, b] in which the value is below `level`."""
+        # A line is treated as a parabola of negligible curvature, one of whose roots is far away.
         bend = jnp.where(jnp.abs(self.bend) > TINY, self.bend, TINY)
         above = self.start - level
         squared = self.slope * self.slope - 4.0 * bend * above
@@ -169,6 +170,7 @@ class Parabola(NamedTuple):
         r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
         between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
+        # Without roots, the parabola is on one side of the level throughout.
         throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
         return jnp.where(squared > 0.0, crossing, throughout)
 
@@ -219,6 +221,8 @@ def highest_after(
     middle = Point(guess, value_at(guess))
     refined = _cubic_vertex(before, first, middle, last)
     a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
+    # Without a peak between them, the highest point is an end, and the parabola has no maximum
+    # inside.
     is_peak = (b.value >= a.value) & (b.value >= c.value)
     top = higher(higher(first, last), b)
     return Point(jnp.where(is_peak, vertex(a, b, c), top.x), top.value)

@@ -282,6 +282,7 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
+    # Tables keep their arrays in scalar form, so they have no components to fold.
     return ConstantFolded(
         tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )

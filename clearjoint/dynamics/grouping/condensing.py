@@ -48,6 +48,7 @@ def condensed(scene: Scene) -> Scene:
         GroupName(names): stack([scene.bodies[name] for name in names])
         for names in _groups_of(free)
     }
+    # Bodies are grouped first, since joints can share a group only if their bodies do.
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
         name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
@@ -142,6 +143,7 @@ def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupNa
     # If renaming does not change the pair, the joint does not take the names from its fields.
     if structure is None or anonymous.pair() != _roles(joint, ROLES):
         return None
+    # Joints of a group share their bodies' groups, so that motions are taken from one array each.
     return structure, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
 
 
@@ -172,6 +174,7 @@ def _has_rows(joint: AbstractContactJoint) -> bool:
     vector = Vector(number, number, number)
     motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
     motions = {**dict.fromkeys(joint.body_names(), motion), GROUND: GROUND_MOTION}
+    # Only the structure of the rows matters, so they are evaluated without arithmetic.
     return bool(jax.eval_shape(lambda: joint.rows(motions, number)))
 
 

@@ -130,6 +130,8 @@ class TreeMechanics:
         for k, (branch, link) in enumerate(self._pairs()):
             force, moment = self._load(branch.body, link, wrenches)
             central, mass = self._central[k], self._scene.bodies[branch.body].mass
+            # The accelerations at constant speeds take their share of the load, so the remainder
+            # accelerates the speeds.
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
             loads.append((force - (link.bias - self._weight) * mass, moment - gyroscopic))
         return self.solved(self._along_columns(loads))
