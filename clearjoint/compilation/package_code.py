@@ -48,7 +48,7 @@ _BOOKKEEPING = frozenset(
 
 
 class ChangedCodeError(Exception):
-    """The code of this process differs from the package's source files."""
+    """Raised if the code of this process differs from the package's source files."""
 
 
 class _State:

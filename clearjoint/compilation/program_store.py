@@ -35,7 +35,7 @@ def keep_programs(keep: bool = True) -> None:
 
 
 def keeps_programs() -> bool:
-    """Return whether `keep_programs` is switched on."""
+    """Return whether whole native programs are saved, see `keep_programs`."""
     return _is_on
 
 

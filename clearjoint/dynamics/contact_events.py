@@ -170,7 +170,8 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact begins at this instant: its depth is positive but negligible."""
+    """Return whether any contact has a positive depth of at most `TOUCHING`, and so begins at this
+    instant."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 

@@ -135,8 +135,11 @@ def warn_of_journals_outside(
 ) -> None:
     """Warn of journals that have slid out of their bearings during a run.
 
-    **Arguments:** `time`, s, and `final`: the end of the run and the state there; `kept`: pairs of
-    saved times (N,), s, and the states there, with the axis of times first.
+    **Arguments:**
+
+    - `time`, `final`: end of the run, s, and the state then.
+    - `kept`: pairs of saved times, (N,), s, and the states then, with the axis of times first in
+      each array.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
@@ -159,12 +162,13 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the distance by which a journal has slid beyond its bearing, (N,) m, by joint.
+    """Return the distance, (N,), m, by which each journal has slid beyond its bearing, by name of
+    joint.
 
     It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
 
-    **Arguments:** `joints`: in scalar form, of NumPy numbers or arrays (N,); `bodies`: their states
-    with the axis N first.
+    **Arguments:** `joints`: by name, in scalar form, of NumPy numbers or arrays (N,); `bodies`: N
+    states of each body, by name, with the axis N first.
     """
     motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}

@@ -1,9 +1,10 @@
 """Checks of values, whose error messages all have the same form.
 
-Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a JAX backend when
-a scene is built, and do not depend on JAX's setting of precision. A check of a traced value cannot
-raise an error, because the value is unknown. It passes, unless `conditions_of` collects its
-condition, which a run then evaluates.
+In all functions, `argument` is the name of the value and `remedy` the advice in the message, as
+`require` puts them together. Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do
+not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision. A
+check of a traced value cannot raise an error, because the value is unknown. It passes, unless
+`conditions_of` collects its condition, which a run then evaluates.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -164,7 +165,9 @@ def _shown(value: object) -> str:
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
-    """Check that an array has the given shape and only finite values; `remedy` is for wrong shapes.
+    """Raise a ``ValueError`` unless an array has the given shape and only finite values.
+
+    `remedy` is the advice for a wrong shape.
 
     >>> extend.require_shape("inertia", np.eye(3), (3, 3), "give it so")  # else raises
     """
@@ -173,7 +176,7 @@ def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remed
 
 
 def require_finite(argument: str, value: object) -> None:
-    """Check that no value is NaN or infinite.
+    """Raise a ``ValueError`` if a value, a number or an array, contains NaN or infinity.
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
@@ -189,7 +192,8 @@ def require_finite(argument: str, value: object) -> None:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Check that a value is one finite number that is positive or, if `zero` is true, not negative.
+    """Raise a ``ValueError`` unless a value is one finite number, positive or, with `zero`, not
+    negative.
 
     >>> extend.require_positive("radius", -1.0, "give it in m")
     Traceback (most recent call last):
@@ -204,13 +208,13 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str) -> None:
-    """Check that a value is a positive integer; floats and bools are refused."""
+    """Raise a ``ValueError`` unless a value is a positive integer; floats and bools are refused."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value > 0
     require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
 def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check that a value is a dictionary whose keys are non-empty strings."""
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
     kind = type(given).__name__
     require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
     for name in given:
@@ -219,8 +223,8 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check that a value is a dictionary whose keys can be names of arrays in the folder of a
-    store.
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a store's
+    folder.
 
     Names with a slash or backslash are refused, and names that begin with "." or "__".
     """
@@ -243,7 +247,8 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Check that a value is one finite number in the closed interval from `lower` to `upper`.
+    """Raise a ``ValueError`` unless a value is one finite number in the closed interval [lower,
+    upper].
 
     >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
     Traceback (most recent call last):
@@ -293,7 +298,7 @@ def caution_outside(
 
 
 def require_point(argument: str, value: ArrayLike) -> None:
-    """Check that a point or vector has three finite coordinates, (3,).
+    """Raise a ``ValueError`` unless a point or vector has three finite coordinates, (3,).
 
     >>> extend.require_point("journal_point", (-0.5, 0, 0))  # raises for other shapes
     """
@@ -301,7 +306,7 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Check that a direction has three finite components, (3,), that are not all zero.
+    """Raise a ``ValueError`` unless a direction has three finite components, (3,), not all zero.
 
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
@@ -321,7 +326,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Check that four Euler parameters, (4,), are finite and have unit norm."""
+    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     if (known := checkable(value)) is not None:
         (parameters,) = known
@@ -377,7 +382,8 @@ def conditions_of_changes(
 
 
 def is_of_package(module: eqx.Module) -> bool:
-    """Return whether the class of a module belongs to this package."""
+    """Return whether the class of a module, an instance of `equinox.Module`, belongs to this
+    package."""
     return type(module).__module__.split(".")[0] == __name__.split(".")[0]
 
 

@@ -40,10 +40,11 @@ class AbstractReadable(eqx.Module):
             type(self)._caution_together(self)
 
     def _check_together(self) -> None:
-        """Raise a ``ValueError`` if the fields don't fit each other."""
+        """Raise a ``ValueError`` if the combination of the fields is not allowed; nothing by
+        default."""
 
     def _caution_together(self) -> None:
-        """Warn if the combination of the fields is unusual."""
+        """Issue a warning if the combination of the fields is unusual; nothing by default."""
 
     def __setattr__(self, name: str, value: object) -> None:
         try:

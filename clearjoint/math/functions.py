@@ -15,12 +15,12 @@ def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
 
 
 def sine(angle: Scalar) -> Scalar:
-    """Return the sine of an angle in rad."""
+    """Return the sine of an angle given in rad."""
     return library((angle,)).sin(angle)
 
 
 def cosine(angle: Scalar) -> Scalar:
-    """Return the cosine of an angle in rad."""
+    """Return the cosine of an angle given in rad."""
     return library((angle,)).cos(angle)
 
 

@@ -288,7 +288,7 @@ def _nearest_three(
 
 
 def higher(one: Point, other: Point) -> Point:
-    """Return the point with the larger value."""
+    """Return the point with the larger value; at equal values `one`."""
     return _either(other.value > one.value, other, one)
 
 

@@ -83,7 +83,7 @@ def conjugate(p: EulerParameters) -> EulerParameters:
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Scale Euler parameters to unit norm.
+    """Return Euler parameters divided by their norm.
 
     >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
     >>> print(f"{p.e0:.1f}")

@@ -48,9 +48,11 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:
-    r"""Return max(x, 0), or with a width w its smooth approximation, which differs for -w < x < w:
+    r"""Return max(x, 0), or a smooth approximation to it if a width w > 0 is given.
 
-    $$\frac{(x + w)^2}{4 w}, \quad -w < x < w$$
+    The approximation differs from max(x, 0) only for -w < x < w, where it is
+
+    $$\frac{(x + w)^2}{4 w}$$
 
     >>> print(f"{extend.ramp(0.0, 1e-6):.2e}, {extend.ramp(2e-6, 1e-6):.2e}")  # w/4, x
     2.50e-07, 2.00e-06

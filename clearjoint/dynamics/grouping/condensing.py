@@ -88,7 +88,10 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
 
 
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
-    """Return joints with the same structure as one joint whose numbers are arrays."""
+    """Return one joint for a group of n joints, whose numbers are arrays (n,).
+
+    The names of its two bodies are those of groups of bodies, or that of the ground.
+    """
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
@@ -114,9 +117,10 @@ def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Return a key that is equal for trees whose scalars can be stacked.
+    """Return a hashable key that is equal for PyTrees whose scalars can be stacked to arrays.
 
-    Return ``None`` if a leaf is no scalar.
+    Such trees have the same structure and the same structural numbers. Return ``None`` if a leaf is
+    no scalar.
     """
     leaves, structure = jax.tree.flatten(tree)
     parts = []
@@ -131,9 +135,9 @@ def _structure(tree: PyTree) -> Hashable | None:
 
 
 def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
-    """Return a key that is equal for joints of one group.
+    """Return a hashable key that is equal for joints that can form a group.
 
-    Return ``None`` if the joint cannot be grouped.
+    Return ``None`` if the joint cannot be grouped. `group_of` gives the group of each grouped body.
     """
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):

@@ -124,7 +124,7 @@ class FreeBranch(AbstractBranch):
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
-        """Return the root link of the tree."""
+        """Return the body as the root link of its tree."""
         return free_link(state.spin)
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
@@ -167,11 +167,11 @@ class FreeBranch(AbstractBranch):
         return normalised_body(state)
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return the position of `state` with velocity and spin of `other`."""
+        """Return position and orientation of `state` with velocity and spin of `other`."""
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
-        """Return True: gravity is added in `rates`."""
+        """Return True, since the rates are relative to free fall; `rates` adds gravity."""
         return True
 
 

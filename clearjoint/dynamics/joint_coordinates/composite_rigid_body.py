@@ -174,10 +174,12 @@ class TreeMechanics:
         return total
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, the acceleration of its point at the
-        origin, and its rates u' relative to its carrier.
+        """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
 
-        This reverses the change of unknowns: u' = r - axis . (angular acceleration of the carrier).
+        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin,
+        caused by the rates, without the parts at constant speeds. The rates u' are relative to the
+        carrier. This reverses the change of unknowns: u' = r - axis . (angular acceleration of the
+        carrier).
         """
         twists: list[Twist] = []
         for k, link in enumerate(self._links):
