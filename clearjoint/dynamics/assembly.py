@@ -72,7 +72,7 @@ def check_names(scene: Scene, state: State) -> None:
             (parameters,) = known
             norm = (parameters**2).sum() ** 0.5
             require(
-                # The margin is wide, since the norm drifts in a run, and rotations don't depend on it.
+                # The margin is wide: the norm drifts in a run, and rotations don't depend on it.
                 (norm > 0.9) & (norm < 1.1),
                 f"state.bodies[{name!r}].orientation",
                 parameters,
