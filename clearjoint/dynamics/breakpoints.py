@@ -1,8 +1,8 @@
 """Breakpoints: declared times at which elements of a scene change abruptly, and where steps end.
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
-breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after. So it does not matter whether the element compares time with < or <=.
+breakpoint, the element is evaluated just before it, and in a step that starts there, just after. So
+it does not matter whether the element compares time with < or <=.
 """
 
 import math
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
-"""Largest difference between a time and a breakpoint that counts as none, in units of rounding. An
+"""Largest difference, in units of rounding, at which a time counts as equal to a breakpoint. An
 element may compute the time in another order of operations, with another rounding error."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Tolerance of the smoothness test of drivers, in units of rounding."""
+"""Tolerance in units of rounding of `drivers_are_smooth`, for the driver's rates."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
 """Rounding error of a driver's value, m or rad, and of the rate, per second. Differences in a table
 with large values at short intervals have errors of this size."""

@@ -215,8 +215,8 @@ def dependent(
 
     - `names`: of the n rows.
     - `rows`: (n, s), normalised.
-    - `known`: cache of the rows' distances from each other's span, by the bytes of `rows`, to which
-      this function adds. Scenes of a sweep often have equal rows.
+    - `known`: cache that is read and extended: for the bytes of `rows`, the distance, (n,), of each
+      row from the span of the rows before it. Scenes of a sweep often have equal rows.
     """
     key = rows.tobytes()
     if key not in known:

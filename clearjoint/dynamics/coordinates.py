@@ -99,7 +99,7 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after a small displacement of each speed's direction, in m or rad.
+        """Return the variables after a small displacement along each speed, in m or rad.
 
         The displacement is a velocity times a short time; the speeds stay the same.
         """

@@ -120,11 +120,11 @@ def solved(
     rows: ByLabel[Row],
     rates: Speeds,
 ) -> Dynamics:
-    """Solve the equations of motion with constraints.
+    """Return the solution of the equations of motion with constraints.
 
     **Arguments:**
 
-    - `forces`: contact forces, which are only passed on to the result.
+    - `forces`: contact forces, which are already in `rates` and are only passed on to the result.
     - `rows`: constraint rows, by joint and label.
     - `rates`: rates of the speeds without constraints, to which the constraints' effect is added.
     """

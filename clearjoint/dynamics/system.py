@@ -148,7 +148,8 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> Dynamics:
-        """Solve the equations of motion with the contact forces that follow from the variables.
+        """Return the solution of the equations of motion, with the contact forces that follow from
+        the variables.
 
         **Arguments:**
 
@@ -163,7 +164,8 @@ class System(eqx.Module):
     def dynamics_under(
         self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """Solve the equations of motion with given contact forces, by joint and contact label.
+        """Return the solution of the equations of motion with given contact forces, by joint and
+        contact label.
 
         Pass ``{}`` for a motion without contact forces.
         """

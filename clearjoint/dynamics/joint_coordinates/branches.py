@@ -70,8 +70,7 @@ class AbstractBranch(abc.ABC):
     def after_displacement(
         self, state: MotionVariables, changes: Speeds, axes: Matrix
     ) -> MotionVariables:
-        """Return the variables after a small displacement, m or rad, in the direction of each
-        speed."""
+        """Return the variables after a small displacement along each speed, m or rad."""
 
     @abc.abstractmethod
     def after_speed_change(

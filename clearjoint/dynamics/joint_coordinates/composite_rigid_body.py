@@ -241,15 +241,17 @@ class TreeMechanics:
 
 
 def _product(first: Twist, second: Twist) -> Scalar:
-    """Return the power of a load, or the product of a momentum, with a twist."""
+    """Return angular times angular plus linear times linear part: the power of a load with a twist,
+    or the product of a momentum with a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum that a joint transmits to the carrier.
 
-    `along` holds its components along the joint's `columns`, about or in which the joint is free.
-    The moments of these components are left out.
+    **Arguments:** `load`: moment and force, or momentum, of the carried bodies; `along`: products
+    of `load` with each of `columns`, which are the joint's free directions. The moments of these
+    products about the columns' axes are left out.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):

@@ -173,8 +173,8 @@ class JointMechanics(AbstractMechanics):
         return {name: body for part in parts for name, body in part.items()}
 
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        """Return the variables, by name of body, after a small displacement of each speed's
-        direction, m or rad."""
+        """Return the variables, by name of body, after a small displacement along each speed, m or
+        rad."""
         parts = [tree.after_displacement(part) for tree, part in self._per_tree(changes)]
         return {name: body for part in parts for name, body in part.items()}
 
