@@ -27,7 +27,7 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = float | jax.Array
-"""A number: a float of Python or NumPy, or a JAX array of shape (); in groups and lanes, an array.
+"""A number: a float of Python or NumPy, or a JAX array of shape (), in groups (n,).
 
 >>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
 ...     return 1.0 + depth
