@@ -33,8 +33,7 @@ Scalar: TypeAlias = float | jax.Array
 ...     return 1.0 + depth
 """
 Condition: TypeAlias = bool | jax.Array
-"""A truth value: a Python bool, or a boolean JAX array of shape (); in groups and lanes, an
-array."""
+"""A truth value: a Python bool, or a boolean JAX array of shape (), in groups (n,)."""
 
 
 def _is(value: Scalar, number: float) -> bool:
