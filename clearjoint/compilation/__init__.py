@@ -1,8 +1,9 @@
-"""Functions compiled by XLA, and the keys and files of programs on disk.
+"""Functions compiled by XLA, and the keys and files of compiled programs on disk.
 
-- `Compiled`, `HostFirst` and `traced_once` wrap functions.
-- `keep_programs` switches on or off that native programs are saved for other processes, and
-  `keeps_programs` returns whether that is on; `prepare_folder` makes the folder for them.
+- `Compiled` and `HostFirst` wrap functions that XLA compiles; `traced_once` wraps functions that
+  are called several times while JAX traces.
+- `keep_programs` switches on or off that whole native programs are saved for other processes, and
+  `keeps_programs` returns whether they are; `prepare_folder` makes a folder for them.
 - `program_of` returns the jaxpr of a function.
 - `seconds_of_compiling` returns for how long a program has been compiling.
 - `remember_contents` is called once, at the end of the import of the package (see `package_code`).

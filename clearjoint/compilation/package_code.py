@@ -1,9 +1,9 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
-The digest is that of the files when the import of the package began. It is refused if the files
-have changed since then (the package was upgraded or edited while the process ran), or if a
-function, class or constant of the package was replaced after the import. This module imports only
-Python's library, so that it can be imported first.
+The digest is that of the files at the time when the import of the package began. It is refused if
+the files have changed since then, because the package was upgraded or edited while the process ran,
+or if a function, class or constant of the package was replaced after the import. This module
+imports only Python's standard library, so that it can be imported before all others.
 """
 
 import hashlib
@@ -18,9 +18,10 @@ from operator import is_
 PACKAGE = __name__.split(".")[0]
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
-"""Modules of other packages in which replaced functions are noticed too."""
+"""Modules of other packages in which replaced functions are noticed as well."""
 _OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
-"""Modules whose variables change while a process runs; programs do not depend on them."""
+"""Modules of this package whose variables change while a process runs. Programs do not depend on
+these variables."""
 
 _BOOKKEEPING = frozenset(
     {
@@ -43,11 +44,11 @@ _BOOKKEEPING = frozenset(
         "_abc_impl",
     }
 )
-"""Attributes of classes that do not affect results; Python adds some of them late."""
+"""Attributes of classes that do not affect results. Python adds some of them after the import."""
 
 
 class ChangedCodeError(Exception):
-    """The code of this process differs from the package's source files."""
+    """Raised if the code of this process differs from the package's source files."""
 
 
 class _State:
@@ -76,8 +77,10 @@ class _State:
 
 
 def remember_contents() -> None:
-    """Record the contents of the modules of the package and of `LIBRARIES`, at the end of the
-    import of the package."""
+    """Record the contents of all loaded modules of the package, and of `LIBRARIES`.
+
+    It must be called at the end of the import of the package.
+    """
     loaded = [name for name in sys.modules if name.split(".")[0] == PACKAGE]
     modules = [name for name in loaded if not name.startswith(_OF_THE_PROCESS)]
     modules += [name for name in LIBRARIES if name in sys.modules]
@@ -93,14 +96,16 @@ def remember_contents() -> None:
 
 
 def is_remembered(module: str) -> bool:
-    """Return whether a module was loaded at `remember_contents`, so that changes are noticed."""
+    """Return whether the contents of a module, given by its name, were recorded, so that changes in
+    it are noticed."""
     return module in _STATE.names
 
 
 def source_digest() -> str:
-    """Return the digest of the package's source files when its import began.
+    """Return the digest, as hexadecimal text, of the package's source files when its import began.
 
-    **Raises:** `ChangedCodeError` if the code of this process differs from them, or ever did.
+    **Raises:** `ChangedCodeError` if the code of this process differs from these files, or ever
+    did.
     """
     with _STATE.lock:
         if not (_STATE.changed or _is_as_imported()):
@@ -121,12 +126,14 @@ def _is_as_imported() -> bool:
         if _files() != _STATE.files:
             return False
         _STATE.modules = loaded
+    # Objects are compared by identity, since any replacement of an object counts as a change.
     contents = _contents(_STATE.names)
     return len(contents) == len(_STATE.contents) and all(map(is_, contents, _STATE.contents))
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Return size, times and inode of each source file, which change when it is written."""
+    """Return size, times of change and inode of each source file, by path; writing a file changes
+    them."""
     states, folders = {}, [_FOLDER]
     while folders:
         with os.scandir(folders.pop()) as entries:
@@ -149,12 +156,17 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
 
 
 def _contents(names: Mapping[str, list[str]]) -> list[object]:
-    """Return the values of names in modules, and all parts of them that may be replaced: attributes
-    of classes, items of dictionaries and lists, code and defaults of functions."""
+    """Return, as one list, the values of names in modules and the parts of these values that may be
+    replaced: attributes of classes, items of dictionaries and lists, code and defaults of
+    functions.
+
+    **Arguments:** `names`: the names to look up, by name of module.
+    """
     contents: list[object] = []
     for module, names_of_module in names.items():
         values = list(map(vars(sys.modules[module]).get, names_of_module))
         for value in list(values):
+            # A class can be imported into many modules; its attributes are recorded once only.
             if isinstance(value, type) and _is_listed_in(module, value):
                 members = vars(value)
                 attributes = sorted(members.keys() - _BOOKKEEPING)
@@ -173,8 +185,10 @@ def _contents(names: Mapping[str, list[str]]) -> list[object]:
 
 
 def _is_listed_in(module: str, cls: type) -> bool:
-    """Return whether attributes of a class are recorded with a module: the one that defines it, or
-    the library that exports it."""
+    """Return whether the attributes of a class are recorded with a module.
+
+    They are recorded with the module that defines the class, or with the library that exports it.
+    """
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 
 

@@ -1,7 +1,8 @@
-"""Digests of values that consist of this package's classes, numbers, strings and arrays only.
+"""Digests of values that consist only of numbers, strings, arrays, and classes of known packages.
 
-The source files of the package and the value's fields then determine the program that is compiled
-for a value. Values that contain functions, classes or instances from elsewhere are refused.
+For such a value, the source files of the package and the fields of the value determine the program
+that is compiled. Values that contain functions, classes or instances from elsewhere are refused,
+since their source is not known.
 """
 
 import dataclasses
@@ -18,15 +19,16 @@ import numpy as np
 from .package_code import PACKAGE, is_remembered
 
 NUMERIC = ("diffrax", "equinox", "lineax", "optimistix")
-"""Packages written in Python whose classes and functions (solvers, controllers, norms) are accepted
-like those of this package; their versions identify their sources."""
+"""Packages whose classes and functions (solvers, controllers, norms) are accepted like those of
+this package. They are written in Python, and their versions identify their sources."""
 _DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
+"""Types whose values are identified by their `repr`."""
 _BASES = ("abc", "collections.abc", "enum", "typing")
-"""Modules of base classes without data."""
+"""Modules with base classes that hold no data."""
 
 
 class NotPlainError(Exception):
-    """A value that contains more than this package's classes, numbers, strings and arrays."""
+    """Raised for a value that `digest_of` cannot identify."""
 
 
 def digest_of(value: object) -> str:
@@ -49,7 +51,10 @@ def digest_of(value: object) -> str:
 
 
 def _nested(value: object) -> object:
-    """Return nested tuples of strings, numbers and bytes whose `repr` identifies the value."""
+    """Return nested tuples of strings, numbers and bytes whose `repr` identifies the value.
+
+    **Raises:** `NotPlainError` for a value that `digest_of` refuses.
+    """
     kind = type(value)
     if kind in _DATA:
         return kind.__name__, value
@@ -79,8 +84,11 @@ def _array(array: np.ndarray) -> object:
 
 
 def _named(value: object) -> object:
-    """Return the name of a function or a class, if its module has it, or a wrapper of it, under
-    that name."""
+    """Return a tuple with module and qualified name of a function or class.
+
+    **Raises:** `NotPlainError` if the module is not of an accepted package, or does not have the
+    value, or a wrapper of it, under that name.
+    """
     module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
     package = str(module).split(".")[0]
     accepted = is_remembered(str(module)) if package == PACKAGE else package in NUMERIC
@@ -93,7 +101,11 @@ def _named(value: object) -> object:
 
 
 def _instance(value: object) -> object:
-    """Return the class of an instance and all its attributes, also those that are not fields."""
+    """Return a tuple with the class, the items and all attributes of an instance, including
+    attributes that are not fields.
+
+    **Raises:** `NotPlainError` if the class is not accepted or the data cannot be read.
+    """
     cls = type(value)
     named = _named(cls)
     items = tuple(value) if isinstance(value, tuple | str) else ()

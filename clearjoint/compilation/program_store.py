@@ -1,8 +1,8 @@
-"""Files of compiled programs, by their keys, in a folder of bounded size.
+"""Files of compiled programs in a folder of bounded size, found by keys.
 
-The folder is in that of JAX's compilation cache. Programs are machine code, and are read by
-`pickle`: whoever can write to the folder can have code executed by whoever reads from it. So the
-folder is made for its owner alone, and a folder to which others may write is not used.
+The folder lies in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
+whoever can write to the folder can have code executed by whoever reads from it. The folder is
+therefore made accessible to its owner only, and a folder to which others may write is not used.
 """
 
 import hashlib
@@ -16,27 +16,32 @@ from pathlib import Path
 import jax
 
 MOST_BYTES = 1_000_000_000
-"""Size of all files from which on those unused for longest are removed."""
+"""Total size of all files, in bytes, above which the files that have not been used for longest are
+removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
 _DIGEST = 20
+"""Length in bytes of the digest in front of each file's content."""
 _is_on = False
 
 
 def keep_programs(keep: bool = True) -> None:
-    """Switch on or off that native programs are saved as a whole in JAX's compilation cache; their
-    machine code is saved in any case."""
+    """Switch on or off that whole native programs are saved in JAX's compilation cache.
+
+    Their machine code is saved in any case.
+    """
     global _is_on
     _is_on = keep
 
 
 def keeps_programs() -> bool:
-    """Return whether `keep_programs` is switched on."""
+    """Return whether whole native programs are saved, see `keep_programs`."""
     return _is_on
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache, or ``None`` if that is not in use."""
+    """Return the local folder of JAX's compilation cache, or ``None`` if the cache is off or
+    remote."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -44,11 +49,11 @@ def cache_in_use() -> Path | None:
 
 
 def prepare_folder(folder: Path) -> str | None:
-    """Make a folder that only its owner may enter, unless it exists.
+    """Make a folder that only its owner may enter, if it does not exist.
 
-    **Returns:** the reason why the folder must not be used, with the remedy, or ``None``.
+    **Returns:** ``None`` if the folder may be used, else a message with the reason and the remedy.
 
-    **Raises:** `ValueError` if the path is that of a file.
+    **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -83,13 +88,15 @@ def is_private(folder: Path) -> bool:
 
 
 class ProgramStore:
-    """A folder of compiled programs, one file for each key."""
+    """Folder of compiled programs, one file for each key, of at most `most_bytes` bytes in
+    total."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
 
     def read(self, key: str) -> bytes | None:
-        """Return the content under a key, or ``None`` if there is none or it is damaged."""
+        """Return the content that was written under a key, or ``None`` if there is none, if it is
+        damaged, or if other users may write to the folder."""
         path = self._path(key)
         try:
             if not is_private(self._folder):
@@ -104,9 +111,12 @@ class ProgramStore:
         return content if whole[:_DIGEST] == _digest(key, content) else None
 
     def write(self, key: str, content: bytes) -> None:
-        """Write content under a key, atomically.
+        """Write content under a key, so that other processes read either all of it or nothing.
 
-        **Raises:** `OSError` if it can't be written.
+        Nothing is written to a folder to which other users may write. If the folder becomes too
+        large, the files that have not been used for longest are removed.
+
+        **Raises:** `OSError` if the content cannot be written.
         """
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
@@ -126,7 +136,11 @@ class ProgramStore:
         return self._folder / f"{key}{_SUFFIX}"
 
     def _remove_oldest(self) -> None:
-        """Remove the files unused for longest; another process may do so at the same time."""
+        """Remove the files that have not been used for longest, until the total size is small
+        enough.
+
+        Another process may do so at the same time, so files may disappear meanwhile.
+        """
         files = []
         for path in self._folder.iterdir():
             with suppress(OSError):

@@ -1,7 +1,8 @@
 """Tracing of functions by JAX.
 
-Python's garbage collector is off during that. Tracing makes a hundred thousand objects that stay in
-use; visiting these repeatedly, to no avail, would take a third of the time.
+Python's garbage collector is off while JAX traces. Tracing makes a hundred thousand objects that
+stay in use. The collector would visit them repeatedly and free nothing, which would take a third of
+the time.
 """
 
 import gc
@@ -21,12 +22,15 @@ Result = TypeVar("Result")
 
 
 def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Wrap a function of PyTrees so that it is traced once for arguments of the same structure.
+    """Wrap a function of PyTrees so that JAX traces it once for all arguments of the same
+    structure.
 
-    The jaxpr is discarded with the wrapper. `equinox.filter_jit` would use it for the next run too,
-    when a global variable that the function reads may have changed.
+    Leaves that are no arrays must be hashable, and a new value of one is a new trace. The jaxpr is
+    discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in which a
+    global variable that the function reads may have changed.
     """
 
+    # Only arrays are traced; other leaves are static, so that the function can branch on them.
     @partial(jax.jit, static_argnums=1)
     def traced(arrays: tuple[PyTree, ...], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
         leaves, structure = others
@@ -44,10 +48,10 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
-    """Return the jaxpr of a function, and the shapes of its result.
+    """Return the jaxpr of a function for given arguments, and the shapes of its result as a PyTree.
 
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are one equation without an inner
-    jaxpr until JAX lowers it; here they are expanded.
+    jaxpr until JAX lowers it. Here such operations are expanded to their own equations.
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
@@ -57,7 +61,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Switch Python's garbage collector off within the context."""
+    """Switch Python's garbage collector off within the context, unless it is off already."""
     if not gc.isenabled():
         yield
         return
@@ -69,5 +73,5 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX traces a function in this thread. JAX has no public name for this."""
+    """Return whether JAX traces a function in this thread. JAX has no public function for this."""
     return not core.trace_state_clean()

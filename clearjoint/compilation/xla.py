@@ -17,16 +17,17 @@ from .tracing import collector_at_rest, is_tracing
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options: LLVM's first level of optimisation takes less time than its third."""
+"""XLA's compiler options: LLVM's first level of optimisation compiles faster than its third."""
 _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
-"""Attributes of a call by which XLA compiles it as a function of its own."""
+"""Attributes of a call that make XLA's CPU compiler compile it as a function of its own."""
 
 
 class Compiled(Generic[Arguments, Result]):
-    """A function compiled as by `equinox.filter_jit`: a change of anything other than the values of
-    arrays compiles again. JAX's cache on disk saves compiled programs.
+    """Function that is compiled at its first call, as by `equinox.filter_jit`.
 
-    Python's garbage collector is off during a call; see `.tracing`.
+    A change of anything other than the values of arrays in the arguments compiles a further
+    program. JAX's cache on disk saves compiled programs. Python's garbage collector is off during a
+    call; see `.tracing`.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -41,22 +42,24 @@ class Compiled(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result."""
+        """Return the function's result, compiling a program first if none fits the arguments."""
         with collector_at_rest(), program_is_made_inside():
+            # Within another program, this function is a part of it, for which JAX refuses compiler
+            # options.
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of programs that have been compiled in this process."""
         return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
 
 
 class HostFirst(Generic[Arguments, Result]):
-    """A function of PyTrees that is computed by NumPy, or if that fails by a compiled program.
+    """Function of PyTrees that NumPy computes if it can, and otherwise a compiled program.
 
-    For functions that are called once or twice in a run: NumPy takes milliseconds for some hundred
-    scalar operations, and XLA half a second to compile them. NumPy fails if the function needs JAX,
-    for a derivative for instance.
+    It serves for functions that are called once or twice in a run: NumPy takes milliseconds for
+    some hundred scalar operations, but XLA takes half a second to compile them. NumPy cannot
+    compute a function that needs JAX, for instance for a derivative.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -67,7 +70,8 @@ class HostFirst(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result."""
+        """Return the function's result; where NumPy has failed once, arguments of the same
+        structure are not tried again."""
         structure = jax.tree.structure((arguments, options))
         if structure not in self._need_jax:
             results = self._by_numpy(*jax.tree.map(_on_host, (arguments, options)))
@@ -77,11 +81,15 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of programs that have been compiled in this process."""
         return self._compiled.programs()
 
     def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:
-        """Return the result in a list, which is empty if NumPy cannot compute it."""
+        """Return a list with the function's result, or an empty list if NumPy cannot compute it.
+
+        **Arguments:** positional arguments and options of the function, with NumPy arrays as
+        leaves.
+        """
         function: Callable[..., Result] = self.__wrapped__
         results: list[Result] = []
         with np.errstate(all="ignore"):
@@ -99,12 +107,13 @@ def _on_host(leaf: PyTree) -> PyTree:
 
 
 def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Return a function of PyTrees that XLA's CPU compiler compiles as one function.
+    """Wrap a function of PyTrees so that XLA's CPU compiler compiles it as one function.
 
-    On CPUs XLA starts a kernel for each fusion of operations, and recomputes in each kernel what
-    several of them need. A step of a run, which has some thousand operations on scalars, then takes
-    forty times as long as in one function, and ten times as long to compile. `set_xla_metadata`,
-    by which a call gets attributes, is experimental in JAX.
+    Otherwise XLA starts a kernel for each fusion of operations, and recomputes in each kernel what
+    several of them need. A step of a run, with some thousand operations on scalars, would then take
+    forty times as long, and ten times as long to compile. On other devices the function is not
+    changed. The wrapper uses `set_xla_metadata`, which gives attributes to a call and is
+    experimental in JAX.
     """
     call = eqx.filter_jit(function)
 

@@ -1,5 +1,5 @@
-"""Absolute coordinates: position and orientation of each body; all ideal joints are constraints, as
-in the paper."""
+"""Absolute coordinates: position, orientation, velocity and spin of each body. All ideal joints are
+constraints, as in the paper."""
 
 from typing import TypeAlias
 
@@ -24,23 +24,26 @@ Bodies: TypeAlias = dict[str, BodyState]
 
 
 class AbsoluteCoordinates(AbstractCoordinates):
-    """Position, Euler parameters, velocity and body spin of each body.
+    """Position, Euler parameters, velocity and spin of each body, with all ideal joints as
+    constraints.
 
-    The position variable is that of the centre of mass. A body with a clearance joint to the ground
-    has an `Anchor` instead: the vector from the bearing's centre to the journal's. As a difference
-    of coordinates of the size of metres, this vector would lose digits that impacts amplify.
+    The variables are a `BodyState` by name of body. Its position is the centre of mass, m, global.
+    For a body with a clearance joint to the ground, which has an `Anchor`, the position is instead
+    the vector from the bearing's centre to the journal's. Computed as a difference of two positions
+    of the order of metres, this vector would lose digits that impacts amplify.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return no joint: all ideal joints are constraints."""
+        """Return an empty set: no joint is eliminated."""
         del scene
         return frozenset()
 
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
-        """Return the states of the bodies, with the anchor's offset as position if there is one."""
+        """Return the bodies' states, where the position of a body with an `Anchor` is the vector,
+        m, from the anchor's ground point to its body point."""
         points = anchors(scene)
 
         def encoded(name: str, body: BodyState) -> BodyState:
@@ -55,7 +58,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {name: encoded(name, body) for name, body in bodies.items()}
 
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the states of the bodies' centres of mass."""
+        """Return the bodies' states, all with the position of the centre of mass, m."""
         motions = self.motions(scene, variables)
         return {
             name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
@@ -63,7 +66,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         }
 
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
-        """Return the motion of each body."""
+        """Return pose and twist of each body and of "ground", by name."""
         points = anchors(scene)
         free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
         return {GROUND: GROUND_MOTION, **free}
@@ -73,25 +76,31 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the states with Euler parameters of unit norm."""
+        """Return the bodies' states with Euler parameters of unit norm."""
         del scene
         return {name: normalised_body(body) for name, body in variables.items()}
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        """Return the positions of `variables` with velocities and spins of `others`."""
+        """Return positions and orientations of `variables` with velocities and spins of
+        `others`."""
         del scene
         return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton-Euler equations of each body; H is the identity."""
+    """Newton-Euler equations of all bodies.
+
+    The speeds are six numbers for each body, in the order of ``scene.bodies``: velocity of the
+    centre of mass, m/s, global, and spin, rad/s, in body axes. So H is the identity.
+    """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
         self._scene, self._variables, self.motions = scene, variables, motions
         self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return accelerations under wrenches, gyroscopic moments and gravity."""
+        """Return the accelerations, six for each body, under wrenches, gyroscopic moments and
+        gravity."""
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
@@ -101,12 +110,14 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the components of the wrenches, body by body."""
+        """Return force and moment on each body, six numbers for each; zeros for a body without a
+        wrench."""
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return force over mass and moment over inertia."""
+        """Return force over mass, m/s^2, and inverse inertia times moment, rad/s^2, for each
+        body."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
             acceleration = self._inverses[name](Wrench(load.linear, load.angular))
@@ -114,16 +125,20 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero: H is the identity, so the rates are the accelerations of the bodies."""
+        """Return zero, since at zero rates of the speeds no body accelerates."""
         del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the rates, body by body."""
+        """Return the given rates, six for each body, as one acceleration for each body, by name."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:
-        """Return velocities, rates of Euler parameters, and accelerations."""
+        """Return the time derivatives of each body's variables, by name, as a `BodyState`.
+
+        They are the velocity (of the anchor's point, if the body has an anchor), the rates of the
+        Euler parameters, and the given accelerations.
+        """
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
             body, anchor = self._variables[name], self.motions[name].anchor
@@ -136,7 +151,8 @@ class AbsoluteMechanics(AbstractMechanics):
         return variable_rates
 
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Return the variables with positions shifted and orientations turned."""
+        """Return the variables after a small displacement: six numbers for each body, a shift in m,
+        global, and a rotation vector in rad, in body axes."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
@@ -149,7 +165,8 @@ class AbsoluteMechanics(AbstractMechanics):
         return bodies
 
     def after_speed_change(self, changes: Speeds) -> Bodies:
-        """Return the variables with velocities and spins changed."""
+        """Return the variables after changes, six for each body, of velocities (m/s) and spins
+        (rad/s)."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
@@ -159,7 +176,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Return six numbers for each body as two vectors."""
+    """Return a list with six numbers for each body as two vectors for each body, by name."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
@@ -167,7 +184,8 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
 
 
 class InverseMass:
-    """Maps a wrench on a free body to its acceleration, without gyroscopic terms."""
+    """Function that maps a wrench on a free body to the body's acceleration, without gyroscopic
+    terms."""
 
     def __init__(self, body: Body):
         self._inverse = 1.0 / body.mass
@@ -179,7 +197,8 @@ class InverseMass:
             self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
 
     def __call__(self, wrench: Wrench) -> BodyAcceleration:
-        """Return the acceleration of the centre of mass, and that of the spin in body axes."""
+        """Return the accelerations of the centre of mass, m/s^2 in global axes, and of the spin,
+        rad/s^2 in body axes."""
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:

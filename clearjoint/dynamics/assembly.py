@@ -1,4 +1,5 @@
-"""Initial states that satisfy the constraints in position and velocity."""
+"""Computation and checks of initial states that satisfy the constraints in position and
+velocity."""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -25,17 +26,24 @@ from .journals import centring_joints, outside, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
+"""Largest number of Newton steps of the positions in `assemble`."""
 TOLERANCE = 1e-12
-"""Largest |Phi| of an assembled state, m for translations."""
+"""Largest constraint value |Phi| at which `assemble` stops iterating, m or rad (1 for
+directions)."""
 ACCEPTED_VIOLATION = 1e-6
-"""Largest |Phi| and |rate of Phi| of a state from which a run may start."""
+"""Largest constraint value |Phi|, m or rad, and largest |rate of Phi|, m/s or rad/s, of a state
+from which a run may start."""
 REPRESENTED = 1e-3
-"""Largest difference of Euler parameters between a state and its conversion to variables and back
-that counts as rounding."""
+"""Largest accepted difference of Euler parameters between a state and the same state converted to
+variables and back; smaller differences are rounding."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that a state has exactly the scene's bodies."""
+    """Check that scene and state have the right types, that the state has exactly the scene's
+    bodies, and that all its numbers are finite, with Euler parameters of about unit norm.
+
+    **Raises:** `ValueError` that names the argument and a remedy.
+    """
     require(
         isinstance(scene, Scene),
         "scene",
@@ -64,6 +72,7 @@ def check_names(scene: Scene, state: State) -> None:
             (parameters,) = known
             norm = (parameters**2).sum() ** 0.5
             require(
+                # The margin is wide: the norm drifts in a run, and rotations don't depend on it.
                 (norm > 0.9) & (norm < 1.1),
                 f"state.bodies[{name!r}].orientation",
                 parameters,
@@ -78,22 +87,25 @@ def check_names(scene: Scene, state: State) -> None:
 def assemble(
     scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
 ) -> State:
-    """Compute the state nearest to a guess that satisfies the constraints, with each journal in its
+    """Return the state nearest to a guess that satisfies the constraints, with each journal in its
     bearing.
 
-    Distances are measured in the metric of the mass matrix. A journal inside its bearing stays at
-    the position of the guess. One that penetrates the wall by more than a micrometre is centred,
-    and gets the velocity of an ideal joint.
+    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing keeps the
+    position of the guess. A journal that penetrates the wall by more than a micrometre is put into
+    the centre of the bearing and gets the velocity that an ideal joint would give it.
 
     **Arguments:**
 
     - `state`: the guess, of positions and velocities.
-    - `t`: s, for constraints that depend on time.
-    - `resting`: names of clearance joints whose journals are to be in contact with the wall, on the
-      side to which gravity and the scene's forces press them while the bodies are at rest.
+    - `t`: s, time at which constraints that depend on time are evaluated.
+    - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
+      side to which gravity and the scene's forces press them while all bodies are at rest.
 
-    **Raises:** `ValueError` if the constraints cannot be satisfied from the guess, naming the worst
-    one; for a name in `resting` without clearance, or whose journal has no load across its axis.
+    **Raises:** `ValueError`
+
+    - if no state near the guess satisfies the constraints; the message names the worst constraint;
+    - if a name in `resting` is not that of a clearance joint;
+    - if a journal in `resting` has no load across its axis.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -119,10 +131,10 @@ def assemble(
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Assemble a state with the joints in `ideal` replaced by ideal ones.
+    """Return an assembled state with the clearance joints in `ideal` replaced by ideal joints.
 
-    Assembling may move further journals out of their bearings. They are centred too, by ideal
-    joints added to `ideal`, until none is outside.
+    Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
+    centres it, which is added to the dictionary `ideal`, until no journal is outside.
     """
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -133,7 +145,11 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the nearest state that satisfies the constraints, by Newton iterations."""
+    """Return the state nearest to `state` that satisfies the constraints at time t, s, by Newton
+    steps.
+
+    **Raises:** `ValueError` that names the worst constraint if the iterations do not converge.
+    """
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = on_device(t)
@@ -144,6 +160,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
+    # The iteration stops at TOLERANCE, but rounding may hold it slightly above; so a larger value
+    # is accepted.
     # The velocity constraints are linear; the second projection removes rounding of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
@@ -153,14 +171,26 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
-    """Check that a given initial state satisfies the constraints."""
+    """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
+
+    **Arguments:** `names` of the m constraint rows; `values`, (m,), their values Phi; `rates`,
+    (m,), the rates of Phi, per second.
+
+    **Raises:** `ValueError` that names the worst constraint.
+    """
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others: rounding would then determine motion
-    and reactions."""
+    """Check that no constraint nearly depends on the others, since motion and reactions would then
+    be determined by rounding errors.
+
+    **Arguments:** `uncertain`: names of constraint rows that nearly depend on others, see
+    `ConstraintReport`.
+
+    **Raises:** `ValueError` if there are any.
+    """
     require(
         not uncertain,
         "state",
@@ -172,10 +202,12 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 
 
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates can represent an assembled state.
+    """Check that the coordinates can represent an assembled state, and have at least one variable.
 
     The constraints of a revolute joint, for example, are satisfied by parallel and by antiparallel
-    axes; an angle represents only parallel ones.
+    axes, but an angle as variable represents only parallel axes.
+
+    **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
     variables, represented = round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
@@ -195,7 +227,10 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates have at least one variable, without compiling anything."""
+    """Check that the coordinates of a scene have at least one variable, without compiling anything.
+
+    **Raises:** `ValueError` if nothing in the scene can move.
+    """
     variables, _ = eqx.filter_eval_shape(
         round_trip.__wrapped__, scene, state, Formulation(coordinates)
     )
@@ -216,7 +251,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """Return the variables of a state, and the states of the bodies that these represent."""
+    """Return the variables of a state, and the states of the bodies, by name, computed back from
+    the variables. Scene and state are in packed form."""
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(state.bodies))
     return variables, pack(system.decode(variables))

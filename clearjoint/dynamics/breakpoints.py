@@ -1,8 +1,8 @@
-"""Breakpoints: instants at which elements of a scene change discontinuously. Steps end there.
+"""Breakpoints: declared times at which elements of a scene change abruptly, and where steps end.
 
-An element declares them as its `breakpoints`, in s. A step up to a breakpoint evaluates the element
-just before it, a step from there just after it. So it does not matter whether the element compares
-time with < or <=.
+An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
+breakpoint, the element is evaluated just before it, and in a step that starts there, just after. So
+it does not matter whether the element compares time with < or <=.
 """
 
 import math
@@ -25,27 +25,34 @@ if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
-"""Tolerance for an instant to be at a breakpoint, in units of rounding: elements may compute it in
-another order of operations."""
+"""Largest difference, in units of rounding, at which a time counts as equal to a breakpoint. An
+element may compute the time in another order of operations, with another rounding error."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
-"""Gauss quadrature of order ten on -1 to 1."""
+"""Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
+"""Tolerance in units of rounding of `drivers_are_smooth`, for the driver's rates."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding of a driver's value, m or rad, and of its rate, per second. Differences in a table of
-large values at short intervals have errors of this size."""
+"""Rounding error of a driver's value, m or rad, and of the rate, per second. Differences in a table
+with large values at short intervals have errors of this size."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
-    """Return the breakpoints of each joint and force that has any, s, as numbers or arrays."""
+    """Return the breakpoints, s, of each joint or force that has any, by name of element.
+
+    Each value is a list of numbers or arrays of any shape.
+    """
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {name: jax.tree.leaves(element.breakpoints()) for name, element in elements.items()}
     return {name: instants for name, instants in times.items() if instants}
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after t, infinite if all are before it; ``None`` if the scene has
-    none at all. Both times are in s since the system's `origin`."""
+    """Return the first breakpoint after time t, infinity if all are before t, or ``None`` if no
+    element of the scene has a breakpoint.
+
+    Both times are in s since the system's `origin`.
+    """
     now = system.clock(t)
     soonest = _extreme(
         system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)
@@ -54,10 +61,11 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time at which elements are evaluated for a time t in a step from `start`.
+    """Return the time at which elements are evaluated for time t in a step that begins at `start`.
 
-    It is t, clipped to the open interval between the breakpoints around the step: just after the
-    last one at its start, just before the next one. All times are in s since the system's `origin`.
+    The result is t, clipped to the open interval between the last breakpoint not after `start` and
+    the next one. At a breakpoint, the element thus has its value inside of the step. All times are
+    in s since the system's `origin`.
     """
     scene, start = system.scene, system.clock(start)
 
@@ -77,11 +85,13 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return, for each element with breakpoints, whether a step from `start` to t lands on one, and
-    the time since that breakpoint, s.
+    """Return, for each element with breakpoints, whether a step lands on a breakpoint, and the time
+    in s from the breakpoint to the end of the step.
 
-    This time is zero to rounding, but has a derivative along what the breakpoint depends on. Times
-    are in s since the system's `origin`.
+    The step goes from `start` to t, both in s since the system's `origin`. The returned time is
+    zero except for rounding. It serves for derivatives: it has derivatives by the parameters on
+    which the breakpoint's time depends. If several breakpoints are in the step, it is the mean of
+    their times.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -91,6 +101,7 @@ def since_breakpoints(
             in_step = _is_after(at, start) & ~_is_after(at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
+        # The mean has the derivative of the time even if a table lists a breakpoint twice.
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
 
@@ -98,17 +109,20 @@ def since_breakpoints(
 def drivers_are_smooth(
     system: System, variables: MotionVariables, start: Scalar, end: Scalar, rtol: Scalar
 ) -> Condition | None:
-    """Whether all drivers (constraints that depend on time) are smooth over a step; ``None``
-    without drivers.
+    """Return whether all drivers (constraints that depend on time) are smooth over a step, or
+    ``None`` if there are no drivers.
 
-    A driver counts as smooth if its value changes by the integral of its rate, and its rate by the
-    integral of its second rate, within a relative tolerance. The equations of motion use only
-    second rates of a driver, at the solver's stages. A kink or a jump has none there, so error
-    estimates miss it, and the run would continue with the old speed.
+    A driver counts as smooth if the change of its value equals the integral of its rate, and the
+    change of its rate the integral of its second rate, within a tolerance. This test is needed
+    because the equations of motion use only second rates of a driver, at the solver's stages. A
+    kink or jump between the stages has no effect there, so error estimates do not show it, and the
+    run would continue with the old speed.
 
-    **Arguments:** `variables`: position at which the constraints are evaluated, with the bodies at
-    rest, so that only the prescribed motion contributes; `start`, `end`: s since the system's
-    `origin`.
+    **Arguments:**
+
+    - `variables`: position at which constraints are evaluated, with all bodies at rest.
+    - `start`, `end`: of the step, s since the system's `origin`.
+    - `rtol`: tolerance relative to the driver's speed over the step.
     """
 
     @traced_once
@@ -156,9 +170,10 @@ def _rounding(at: Scalar) -> jax.Array:
 def _extreme(
     scene: Scene, choice: "BinaryUfunc", function: Callable[[jax.Array], jax.Array]
 ) -> Scalar | None:
-    """Return the smallest or largest value of a function of all breakpoints; ``None`` without any.
+    """Return the smallest or largest value (by `choice`) of a function of all breakpoints, s, or
+    ``None`` if there are none.
 
-    It is not differentiated: the solution does not depend on where steps end.
+    The result is not differentiated, since the solution does not depend on where steps end.
     """
     extreme: jax.Array | None = None
     for times in breakpoints(scene).values():

@@ -1,8 +1,9 @@
-"""Bristle deflections in the course of a run: initial values, rates, and resets.
+"""Bristle deflections in the course of a run: initial values, rates, and resets after each step.
 
-A deflection is zero while the contact is open. If a contact began a time tau before the end of a
-step, its bristles have been dragged for that time. Steps land on onsets, so tau is zero to
-rounding, but its derivative is not: the deflection is set to slip times tau.
+A deflection is zero while the contact is open. If a contact begins in a step, at a time tau before
+the step's end, its bristles have been dragged for tau, and get the deflection slip times tau. Steps
+land on onsets, so tau is zero except for rounding; but the derivative of tau is not zero, and
+derivatives of the motion need it.
 """
 
 import jax
@@ -17,13 +18,15 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return the given deflections, m, and zeros for the other contacts with bristle laws."""
+    """Return a deflection, m, for each contact with a bristle law, by joint and contact label: the
+    one in `given` if there is one, else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 
 def bristle_rates(dynamics: Dynamics) -> Bristles:
-    """Return the rates of the deflections, m/s, of the contacts with bristle laws."""
+    """Return the rates of the bristle deflections, m/s, of the contacts with bristle laws, by joint
+    and contact label."""
     rates = {
         name: {
             label: force.bristle_rate
@@ -36,8 +39,11 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the deflection of each contact at full friction, m: the error scale of deflections,
-    with the same PyTree structure as these."""
+    """Return the deflection, m, of each bristle contact at full friction, by joint and contact
+    label.
+
+    It is the scale by which errors of deflections are measured, and is the same in x, y and z.
+    """
     return {
         name: {
             label: _constant(jnp.asarray(law.full_deflection(), float))
@@ -55,11 +61,17 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the deflections after an accepted step, m.
+    """Return the bristle deflections after an accepted step, m, by joint and contact label.
 
-    **Arguments:** `motions`: at the end of the step; `before`, `after`: contact gaps at its start
-    and end; `lands`: whether steps land on onsets. If so, a contact that began in the step gets
-    slip times the time since its onset.
+    An open contact gets zero. If steps land on onsets, the displacement since the onset is added
+    for a contact that began in the step.
+
+    **Arguments:**
+
+    - `bristles`: deflections as integrated over the step, m.
+    - `motions`: pose and twist of each body at the end of the step.
+    - `before`, `after`: contact gaps at the start and at the end of the step.
+    - `lands`: whether steps land on onsets.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}
@@ -70,10 +82,12 @@ def updated_bristles(
             end = after[name][label]
             if lands:
                 began = (before[name][label].depth <= 0.0) & (end.depth > 0.0) & (end.rate > 0.0)
+                # The inner `where` keeps the derivative of the unused alternative finite.
                 since = jnp.where(began, end.depth / jnp.where(began, end.rate, 1.0), 0.0)
                 slip = contacts[label].slip
                 assert slip is not None, "a contact with bristles has a slip"
                 deflection = deflection + first.components(slip) * since
+            # Bristles of an open contact spring back; the next contact starts with relaxed ones.
             updated[name][label] = Vector(
                 *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
             )

@@ -1,4 +1,4 @@
-"""Violations, rank and redundancy of the constraints of a scene at a configuration."""
+"""Values, rank and redundancy of a scene's constraints in a given state."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -22,24 +22,31 @@ from .equations_of_motion import constraint_rows
 from .multipliers import as_array, row_rate
 
 RANK_TOLERANCE = 1e-8
-"""Distance of a normalised row from the span of the others below which it counts as dependent."""
+"""Distance of a normalised constraint row from the span of the rows before it, below which the row
+counts as dependent on them."""
 UNCERTAIN_BELOW = 1e-5
-"""Distance below which a row is neither clearly independent nor dependent. The equations of the
-multipliers contain its square, so rounding determines them: at 1e-6 the angle of a four-bar with a
-skew hinge is wrong by 1e-3 after a second."""
+"""Distance below which a row that is not dependent counts as nearly dependent. The equations for
+the multipliers contain the square of this distance, so rounding errors determine the multipliers:
+at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad after one
+second."""
 FEW = 16
-"""Largest number of scenes whose constraints NumPy evaluates; for more, native code is compiled."""
+"""Largest number of scenes whose constraints NumPy evaluates one by one; for more scenes, native
+code is compiled."""
 
 
 @dataclass(frozen=True)
 class ConstraintReport:
-    """Constraints at one configuration.
+    """Constraints of a scene in one state; m is the number of constraint rows, v six times that of
+    bodies.
 
-    - `names`: each row as "joint: label".
-    - `values` and `rates`: (m,), Phi in m or 1, and its rate per second.
-    - `jacobian`: (m, v), by velocities and body spins; v is six times the number of bodies.
-    - `redundant`: names of the rows that depend on the rows before them.
-    - `uncertain`: names of the rows that nearly do; no run can use them.
+    - `names`: m strings, each "joint: label".
+    - `values`: (m,), Phi, in m or 1.
+    - `rates`: (m,), time derivative of Phi, m/s or 1/s.
+    - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
+      (rad/s, body axes) of each body, in the scene's order of bodies.
+    - `redundant`: names of the rows that depend linearly on rows before them.
+    - `uncertain`: names of the rows that nearly do. No run can start with these, since rounding
+      would determine its reactions.
     """
 
     names: tuple[str, ...]
@@ -50,18 +57,20 @@ class ConstraintReport:
     uncertain: tuple[str, ...]
 
     def degrees_of_freedom(self) -> int:
-        """Return six times the number of bodies minus the rank of the constraints."""
+        """Return six times the number of bodies minus the number of independent constraint rows."""
         return self.jacobian.shape[1] - len(self.names) + len(self.redundant)
 
 
 def constraint_report(
     scene: Scene, state: State, t: Scalar = 0.0, coordinates: AbstractCoordinates | None = None
 ) -> ConstraintReport:
-    """Evaluate the constraints of a scene at a state, and find the redundant ones.
+    """Evaluate the constraints of a scene in a state, and find the redundant ones.
 
-    **Arguments:** `t`: s, for constraints that depend on time; `coordinates`: if given, redundancy
-    is determined among the rows that these coordinates do not eliminate, otherwise among all rows,
-    in their order.
+    **Arguments:**
+
+    - `t`: s, time at which constraints that depend on time are evaluated.
+    - `coordinates`: if given, redundancy is determined among the rows that these coordinates do not
+      eliminate; by default among all rows. A row is redundant if it depends on rows before it.
 
     >>> report = cj.constraint_report(*cj.mechanisms.bricard())
     >>> report.degrees_of_freedom(), len(report.redundant)
@@ -78,11 +87,16 @@ def constraint_report(
 
 
 class StartRows(NamedTuple):
-    """Constraint rows at an initial state.
+    """Constraint rows in an initial state, where m, n, s and v are the numbers of all rows, of rows
+    that the coordinates do not eliminate, of the coordinates' speeds, and six times that of bodies.
 
-    - `all_names`, `values`, `rates`, `jacobian`: of all m rows, as in `ConstraintReport`.
-    - `names`, `left`: names, (n,), and normalised Jacobians, (n, s), by the s speeds of the
-      coordinates, of the rows that these do not eliminate.
+    - `values`, (m,), `rates`, (m,), `jacobian`, (m, v), and `all_names`: of all rows, as in
+      `ConstraintReport`.
+    - `names`: of the n rows that remain.
+    - `left`: (n, s), Jacobians of these rows by the coordinates' speeds, each divided by the norm
+      of the same row of `jacobian`.
+
+    Arrays without rows have the shape (0,).
     """
 
     values: np.ndarray
@@ -96,10 +110,11 @@ class StartRows(NamedTuple):
 def start_rows(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> StartRows:
-    """Return the constraint rows at an initial state; scene and state in packed form.
+    """Return the constraint rows in an initial state at time t, s, for scene and state in packed
+    form.
 
-    Rows are stacked in the order of their names. A dictionary would lose the order, since JAX sorts
-    keys; but whether a row depends on the rows before it is a matter of order.
+    Rows are stacked in the order of their names, because whether a row depends on the rows before
+    it is a matter of order. A dictionary would lose this order, since JAX sorts its keys.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
@@ -107,9 +122,13 @@ def start_rows(
     rows = _by_name(constraint_rows(scene, absolute, mechanics.motions, t))
     values = [as_array([row.value])[0] for row in rows.values()]
     rates = [as_array([row_rate(row, mechanics.motions)])[0] for row in rows.values()]
+    # The Jacobian by velocities and spins of the bodies: in absolute coordinates, H is the
+    # identity.
     jacobian = {name: as_array(mechanics.projected(row.jacobian)) for name, row in rows.items()}
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))
+    # Rows are divided by their norms in absolute coordinates, since a row that the coordinates
+    # nearly satisfy must stay small, and count as dependent.
     left = [
         as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
         for name, row in remaining.items()
@@ -139,11 +158,21 @@ _start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return `start_rows` of many scenes and states; each array with the axis of scenes first.
+    """Return `start_rows` for N scenes and states, in arrays with an additional first axis of
+    length N.
 
-    **Arguments:** `varied`: the scene with all values of each varied number, axis of scenes first,
-    and ``None`` for the numbers that `scene` has for all; `states`: all initial states, likewise.
+    The names, which are the same for all scenes, have no such axis.
+
+    **Arguments:**
+
+    - `scene`: one of the scenes.
+    - `varied`: a tree like `scene`, with an array of N values for each number that varies and
+      ``None`` for each number that does not.
+    - `states`: the initial states, with the axis N first in each array.
+    - `t`: s, the same for all.
     """
+    # A column is the array of all lanes' values of a number, or None for a number that is the same
+    # in all lanes and is evaluated only once.
     scenes = jax.tree.structure(scene).flatten_up_to(varied)
     starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
@@ -179,10 +208,15 @@ def start_rows_of_lanes(
 def dependent(
     names: tuple[str, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of normalised rows that depend on the rows before them, and of rows that
+    """Return the names of the rows that depend on rows before them, and those of the rows that
     nearly do.
 
-    `known` caches the distances of rows by their bytes: scenes of a sweep often have equal rows.
+    **Arguments:**
+
+    - `names`: of the n rows.
+    - `rows`: (n, s), normalised.
+    - `known`: cache that is read and extended: for the bytes of `rows`, the distance, (n,), of each
+      row from the span of the rows before it. Scenes of a sweep often have equal rows.
     """
     key = rows.tobytes()
     if key not in known:
@@ -198,7 +232,8 @@ def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return the distance of each row from the span of the earlier ones, by Gram-Schmidt."""
+    """Return the distance, (n,), of each row of an (n, s) array from the span of the independent
+    rows before it, by Gram-Schmidt orthogonalisation."""
     basis: list[np.ndarray] = []
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

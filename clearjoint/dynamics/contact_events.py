@@ -1,9 +1,9 @@
-"""Contact gaps, the events at which contacts begin and end, and entry speeds.
+"""Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
-A contact exists while its penetration, measured from the onset of its force, is positive. Its entry
-speed is set at the end of the step that lands on the onset, by one Newton step back to the instant
-of zero penetration, so that value and derivative are those of the event. The landing itself is in
-`clearjoint.simulation.step.landing`.
+A contact is closed while its penetration, measured from the onset of its force, is positive. When a
+step lands on an onset, its end is slightly past it; there, the entry speed is computed by one
+Newton step back to zero penetration. So the entry speed and its derivatives are those at the onset.
+`clearjoint.simulation.step.landing` adjusts the step's length.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -21,15 +21,20 @@ from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
-"""m/s: the smallest entry speed that is stored."""
+"""m/s: smallest entry speed that is stored, since zero stands for an open contact."""
 TOUCHING = 1e-12
-"""m: a start within this depth of the wall counts as at the wall, on either side by rounding."""
+"""m: largest depth, positive or negative, at which a contact counts as being at the wall at the
+start of a run. The true depth is zero, and its sign is due to rounding."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class ContactGap:
-    """Penetration of a contact from the onset of its force, m, and its rate, m/s."""
+    """Penetration of a contact.
+
+    - `depth`: m, measured from the onset of the contact's force, negative in flight.
+    - `rate`: m/s, time derivative of the penetration.
+    """
 
     depth: Scalar
     rate: Scalar
@@ -39,7 +44,7 @@ ContactGaps: TypeAlias = ByLabel[ContactGap]
 
 
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
-    """Return depth and rate of each contact, by joint and contact label."""
+    """Return penetration and rate of each contact, by joint and contact label."""
     depths_and_rates: ContactGaps = {}
     for name, joint in scene.contact_joints().items():
         laws = joint.laws()
@@ -51,7 +56,7 @@ def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:
-    """Yield the gaps of each contact at two instants."""
+    """Yield for each contact of a scene its gap at a first and at a second instant."""
     for name, family in before.items():
         for label, start in family.items():
             yield start, after[name][label]
@@ -63,7 +68,10 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
-    """Whether any condition is true, of any element if contacts are grouped."""
+    """Return whether any condition is true, as a boolean of shape ().
+
+    A condition may be an array with one element for each contact of a group.
+    """
     any_true = jnp.asarray(False)
     for condition in conditions:
         any_true = any_true | any_(condition)
@@ -71,15 +79,20 @@ def any_of(conditions: Iterable[Condition]) -> jax.Array:
 
 
 def uses_entry_speed(scene: Scene) -> bool:
-    """Whether the force of any contact depends on its entry speed."""
+    """Return whether the force of any contact in the scene depends on its entry speed."""
     return any(law.uses_entry_speed for family in scene.laws().values() for law in family.values())
 
 
 def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
-    """Return the entry speeds at the start of a run, m/s.
+    """Return the entry speeds at the start of a run, m/s, by joint and contact label, of the
+    contacts whose laws use them.
 
-    Zero in flight. A contact that begins at the start has its rate as entry speed. One that already
-    exists counts as elastic, since the speed of its impact is unknown.
+    - A contact in flight gets zero.
+    - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its rate.
+    - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, by which its force is elastic, since its impact
+      was before the start.
+
+    `start` holds the gaps at the start of the run.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -91,12 +104,13 @@ def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
 
 
 def _entry_speed(rate: Scalar) -> Scalar:
-    """Return the entry speed of a contact that begins at a rate; never zero, which means flight."""
+    """Return the entry speed, m/s, of a contact that begins at a given penetration rate; at least
+    `SLOWEST`."""
     return jnp.maximum(rate, SLOWEST)
 
 
 def _at_the_wall(gap: ContactGap) -> Condition:
-    """Whether a contact is on the wall, except for rounding."""
+    """Return whether the depth of a contact is zero except for rounding."""
     return jnp.abs(gap.depth) <= TOUCHING
 
 
@@ -110,10 +124,11 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed, which means that its penetration is positive.
+    """Return whether each contact has a positive penetration, by joint and contact label.
 
     If steps land on contact events, a contact stays open or closed for a whole step. A trial step
-    past a wall then meets no force: it is as smooth as flight, and the crossing is found at once.
+    past a wall then meets no force: it is as smooth as flight, and the time of the crossing is
+    found from it at once.
     """
     return {
         name: {label: gap.depth > 0.0 for label, gap in family.items()}
@@ -129,7 +144,7 @@ def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
 
 
 def changes(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact is closed at only one of two instants."""
+    """Return whether any contact is closed at exactly one of two instants."""
     return any_of(
         (start.depth > 0.0) != (end.depth > 0.0) for start, end in gap_pairs(before, after)
     )
@@ -141,8 +156,11 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time in s since the latest onset between two instants, to first order; infinite if
-    no contact begins."""
+    """Return the time, s, from the latest onset between two instants to the second, or infinity if
+    no contact begins.
+
+    It is depth over rate at the second instant, correct to first order, and not differentiated.
+    """
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
@@ -152,12 +170,13 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact begins at this instant: its depth is positive but negligible."""
+    """Return whether any contact has a positive depth of at most `TOUCHING`, and so begins at this
+    instant."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the geometry of its joint allows."""
+    """Return whether any contact is deeper than the geometry of its joint allows (`deepest`)."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()
@@ -172,11 +191,16 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step, m/s: set where a contact began in it, zero
-    where one is open, otherwise unchanged.
+    """Return the entry speeds after an accepted step, m/s, by joint and contact label.
 
-    **Arguments:** `before`, `after`: the contact gaps at the start and end of the step;
-    `second_rates`: second derivatives of the depths at its end, m/s^2.
+    A contact that began in the step gets its penetration rate at the onset, an open contact zero,
+    and any other keeps its entry speed.
+
+    **Arguments:**
+
+    - `entry_speeds`: m/s, before the step.
+    - `before`, `after`: contact gaps at the start and at the end of the step.
+    - `second_rates`: second time derivatives of the depths at the end of the step, m/s^2.
     """
 
     def update(name: str, label: str) -> Scalar:

@@ -1,9 +1,8 @@
-"""Contact forces at an instant: normal force, its elastic part, and friction.
+"""Forces of all contacts at one instant: normal force, its elastic part, and friction.
 
-If a joint has no friction, no slip is computed. Bristle friction needs deflections in addition to
-the motion. Their rates follow from the same slip as the force, so both are computed here; the
-deflections are variables of a run, by joint and contact label. Scenes without bristle laws have
-none.
+Slip velocities are computed only for joints with friction. A friction law with bristles needs,
+besides the motion, the bristles' deflections, which are variables of a run. The rates of the
+deflections follow from the same slip velocity as the force, so both are computed here.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -26,23 +25,30 @@ from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
-"""Entry speed of each contact whose law uses it, m/s; zero in flight."""
+"""Entry speed, m/s, by joint and contact label, of each contact whose law uses it; zero in
+flight."""
 Closed: TypeAlias = ByLabel[Condition]
-"""Whether each contact is closed."""
+"""Whether each contact is closed, by joint and contact label."""
 Bristles: TypeAlias = ByLabel[Vector]
-"""Deflection of each contact's bristles, m, in the axes of its first body; zero in flight. Their
-rates, m/s, have the same form."""
+"""Deflection of each contact's bristles, m, by joint and contact label, in the axes of the joint's
+first body; zero in flight. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""m: a depth at which a contact exists without compression."""
+"""m: smallest depth at which a contact exists; its compression is negligible."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class LoadedContact:
-    """A contact with its forces in N: normal force, its elastic part, and friction on the second
-    body, ``None`` without friction. `bristle_rate`: rate of the bristles' deflection, m/s in the
-    axes of the first body, ``None`` without bristles."""
+    """A contact with its forces.
+
+    - `contact`: geometry.
+    - `normal_force`: N, including damping.
+    - `elastic_force`: N, the part of the normal force that a law has without damping.
+    - `friction`: force on the second body, N, global; ``None`` without friction.
+    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
+      without bristles.
+    """
 
     contact: Contact
     normal_force: Scalar
@@ -60,10 +66,14 @@ def contact_forces(
 ) -> ByLabel[LoadedContact]:
     """Return the forces of all contacts, by joint and contact label.
 
-    **Arguments:** `entry_speeds`: m/s; a closed contact with an entry speed of zero counts as
-    elastic, like one that exists at the start of a run. `closed`: which contacts have a force,
-    whatever their depth (see `contact_force`); if ``None``, those that penetrate. `bristles`:
-    deflections, m, for the contacts with bristle laws.
+    **Arguments:**
+
+    - `motions`: pose and twist of each body.
+    - `entry_speeds`: m/s, by joint and contact label. A closed contact whose entry speed is zero is
+      treated as elastic, like a contact that exists at the start of a run.
+    - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
+      ``None``, the contacts that penetrate have one.
+    - `bristles`: deflections, m, of the contacts with bristle laws.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -95,9 +105,10 @@ def contact_wrenches(
     friction: Vector | None,
     motions: Motions,
 ) -> Iterator[tuple[str, Wrench]]:
-    """Yield name and wrench of each body but the ground that a contact acts on.
+    """Yield, for each body other than the ground on which a contact acts, its name and the wrench.
 
-    **Arguments:** `normal_force`, N; `friction` on the second body, N, or ``None``.
+    **Arguments:** `normal_force`: N; `friction`: force on the second body, N, global, or ``None``;
+    `motions`: pose and twist of each body.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -128,16 +139,22 @@ def contact_force(
 ) -> LoadedContact:
     """Return the forces of one contact of a joint.
 
+    If `closed` is given and the slope of the force jumps at the wall, the force of a closed contact
+    is continued past the wall as an odd function: outside, it pulls by as much as it pushes at the
+    same depth inside. The reason is that a step ends where the contact does, so stages of the step
+    lie on both sides of the wall. If the force had a kink between them, the error estimate of the
+    derivatives would reject every step.
+
     **Arguments:**
 
-    - `entry_speed`: m/s, positive; ``None`` if the law does not use one.
-    - `closed`: whether the contact has a force, whatever its depth; ``None``: if it penetrates.
-    - `bristles`: deflections of the joint's contacts, m.
-
-    If `closed` is given and the slope of the force jumps at the wall, a closed contact continues
-    its force past the wall as an odd function: outside it pulls by as much as it pushes at the same
-    depth inside. A step ends where the contact does, so its stages lie on both sides of the wall.
-    With a kink between them, the error estimate of the derivatives would reject every step.
+    - `label`: of the contact in the joint.
+    - `law`: contact law for the normal force.
+    - `contact`: geometry at this instant.
+    - `entry_speed`: m/s, positive; ``None`` if the law does not use it.
+    - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
+      penetrates.
+    - `motions`: pose and twist of each body.
+    - `bristles`: deflections of the joint's contacts, m, by label.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -166,8 +183,15 @@ def contact_force(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force of a law at a gap, N; if `closed` is given, zero for an open contact, and for
-    a closed one past the wall the point reflection of the force before the wall."""
+    """Return a force at a gap, N, continued past the wall for a contact that is closed.
+
+    **Arguments:**
+
+    - `force`: function that returns the law's normal force or its elastic part, N, at a gap.
+    - `closed`: ``None`` to return `force` as it is. Otherwise an open contact has no force, and the
+      force of a closed contact outside the wall is the point reflection, about the wall, of the
+      force inside.
+    """
     if closed is None:
         return force(gap)
     if not law.slope_jumps():
@@ -185,8 +209,11 @@ def _continued(
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return friction on the second body, N, and the rate of the deflection, m/s, in global
-    axes."""
+    """Return friction on the second body, N, and the rate of the bristles' deflection, m/s, both
+    global.
+
+    `deflection` is in m, global, and `normal_force` in N.
+    """
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     ratio = law.ratio(deflection, rate, contact.slip)

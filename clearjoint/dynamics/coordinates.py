@@ -1,8 +1,11 @@
-"""Interface of coordinates: integrated variables to motions of bodies, and accelerations back.
+"""Interface of coordinates, which convert integrated variables to motions of bodies and back.
 
-Forces, laws and joints are written once, for bodies. Coordinates convert their variables into
-`Motion`s, with twists V = H u for the speeds u, and project the equations of motion onto the
-speeds: H^T M H u' = H^T (F - M H' u - gyroscopic terms), with constraint Jacobians J H.
+Forces, contact laws and joints are written for bodies only, not for coordinates. A class of
+coordinates converts its variables to one `Motion` for each body. Let V be the velocities (m/s,
+global) and spins (rad/s, body axes) of all bodies, and u the speeds of the coordinates, with V = H
+u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u - gyroscopic terms), where
+M holds masses and inertias and F forces and moments; a constraint with Jacobian J by V has the
+Jacobian J H by u.
 """
 
 import abc
@@ -20,27 +23,34 @@ from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 
 MotionVariables: TypeAlias = PyTree
-"""Positions and speeds of a coordinate system: scalars in a PyTree of its own structure. Their
-time derivatives have the same structure."""
+"""Positions and speeds in some coordinates: a PyTree of scalars whose structure depends on the
+coordinates. The time derivative of the variables has the same structure."""
 Wrenches: TypeAlias = dict[str, Wrench]
-"""Wrenches by the name of the body on which they act."""
+"""Wrench on each body, by the body's name."""
 Speeds: TypeAlias = list[Scalar]
-"""One scalar for each speed u of the coordinates: its rate, generalised force, or a change."""
+"""List with one scalar for each speed u of the coordinates, in their order. The scalars are rates
+of the speeds, generalised forces, or changes of speeds or positions, as each function says."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class BodyAcceleration:
-    """Acceleration of a body: of its centre of mass (global), and of its spin (body axes)."""
+    """Acceleration of one body.
+
+    - `linear`: m/s^2, of the centre of mass, in global axes.
+    - `angular`: rad/s^2, time derivative of the spin, in body axes.
+    """
 
     linear: Vector
     angular: Vector
 
 
 class AbstractMechanics(abc.ABC):
-    """The equations of motion at one instant; each method computes only what it returns.
+    """Equations of motion of a scene at one instant, in the speeds u of some coordinates.
 
-    `motions`: pose and twist of each body, the ground included.
+    H maps the speeds to the velocities and spins of the bodies, and M is the matrix of their masses
+    and inertias (see the module). `motions` holds pose and twist of each body and of "ground", by
+    name. Each method computes only what it returns.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -54,89 +64,108 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under wrenches and gravity, without constraints."""
+        """Return the rates of the speeds that the given wrenches and gravity cause without
+        constraints."""
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return H^T times wrenches, or times a row's Jacobian; the ground is left out."""
+        """Return H^T times the wrenches: one generalised force for each speed.
+
+        `wrenches` may also be the `jacobian` of a `Row`; the result is then the row's Jacobian by
+        the speeds. An entry for the ground is ignored, and a body without an entry has no wrench.
+        """
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the inverse of the mass matrix H^T M H times forces."""
+        """Return the rates of the speeds (H^T M H)^-1 times `forces`, one generalised force for
+        each speed."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations of the bodies at zero rates.
+        """Return the part of a constraint row's second derivative that remains if the rates of all
+        speeds are zero, without the row's own `bias`.
 
-        These are H' u, and gravity if the rates are relative to free fall.
+        It is the row's Jacobian times the accelerations H' u of the bodies. If the rates are
+        relative to free fall, these accelerations include gravity.
         """
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the accelerations of the bodies for rates of the speeds."""
+        """Return the acceleration of each body, by name, for given rates of the speeds."""
 
     @abc.abstractmethod
     def variable_rates(self, rates: Speeds) -> MotionVariables:
-        """Return the time derivative of the variables for rates of the speeds."""
+        """Return the time derivatives of the variables for given rates of the speeds."""
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after a small displacement along the speeds (m and rad)."""
+        """Return the variables after a small displacement along each speed, in m or rad.
+
+        The displacement is a velocity times a short time; the speeds stay the same.
+        """
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after changes of the speeds."""
+        """Return the variables after adding a change, m/s or rad/s, to each speed; positions stay
+        the same."""
 
 
 class AbstractCoordinates(eqx.Module):
-    """The integrated variables; ``bodies`` is the dictionary of a `State`, in scalar form.
+    """Choice of the variables that describe the motion of a scene and are integrated.
+
+    In all methods, scene and bodies are in scalar form (see `clearjoint.extend.unpack`), and
+    dictionaries are by name of body.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
-    >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # is one
+    >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # the elbow's angle is a variable
     frozenset({'elbow'})
     """
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that the choice of variables satisfies.
+        """Return the names of the ideal joints that need no constraint, since these coordinates can
+        only represent motions that satisfy them.
 
-        The other ideal joints are constraints.
+        All other ideal joints remain constraints.
         """
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables of a state."""
+        """Return the variables that represent the states of all bodies."""
 
     @abc.abstractmethod
     def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
-        """Return the state of the variables."""
+        """Return the states of all bodies that the variables represent."""
 
     @abc.abstractmethod
     def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
-        """Return pose and twist of each body, the ground included."""
+        """Return pose and twist of each body and of "ground", by name."""
 
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
-        """Return the equations of motion."""
+        """Return the equations of motion at the instant that the variables describe."""
 
     @abc.abstractmethod
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
-        """Return the variables of the same motion, normalised.
+        """Return normalised variables of the same motion.
 
-        Euler parameters get unit norm, angles are moved to within two turns.
-
-        It is applied at the end of each step, and leaves normalised variables unchanged to the bit.
+        Euler parameters get unit norm, and angles are moved to within two turns. Called at the end
+        of each step; normalised variables are returned unchanged to the bit.
         """
 
     @abc.abstractmethod
     def with_speeds(
         self, scene: Scene, variables: MotionVariables, others: MotionVariables
     ) -> MotionVariables:
-        """Return `variables` with the speeds of `others`."""
+        """Return the positions of `variables` with the speeds of `others`."""
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the points of body and ground, m, for each body with an `Anchor`."""
+    """Return the points of the `Anchor` of each body that has one, by name of body.
+
+    Each value is a pair: the point on the body, m in body axes, and the fixed point of the ground
+    near it, m in global axes. A body with several anchored joints gets the points of the first.
+    """
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
@@ -146,19 +175,24 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def normalised_body(body: BodyState) -> BodyState:
-    """Return the state with Euler parameters of unit norm."""
+    """Return the state of a body with Euler parameters of unit norm."""
     return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
 
 
 def body_with_speeds(body: BodyState, other: BodyState) -> BodyState:
-    """Return the position of one state with the velocities of another."""
+    """Return position and orientation of `body` with velocity and spin of `other`."""
     return BodyState(body.position, body.orientation, other.velocity, other.spin)
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Return the motion of a body.
+    """Return the motion of a free body whose variables are a `BodyState`.
 
-    Its position variable is that of its centre of mass, or of its anchor's point if it has one.
+    **Arguments:**
+
+    - `body`: variables; ``body.position``, m, is the centre of mass or, with an anchor, the vector
+      from the anchor's ground point to its body point.
+    - `anchor`: body point, m in body axes, and ground point, m, as `anchors` returns them; or
+      ``None``.
     """
     rotation = rotation_matrix(body.orientation)
     if anchor is None:

@@ -1,6 +1,7 @@
 """Energies of a scene, and powers of its energy ledger.
 
-Terms that a scene cannot have are left out, and are then absent from the compiled program.
+Terms that a scene cannot have, such as friction without friction laws, are not computed, and are
+absent from the returned dictionaries and from the compiled program.
 """
 
 from ..math.groups import sum_
@@ -14,7 +15,12 @@ from .multipliers import row_rate
 
 
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-    """Return the powers of the energy ledger, W; dissipated ones are positive."""
+    """Return the powers of the energy ledger, W, by name, as far as the scene has them.
+
+    Keys are "normal damping", "friction" and "film", positive where energy is dissipated,
+    "supplied", positive where drives and loads do work on the bodies, and "stabilisation", positive
+    where constraint stabilisation takes energy from the motion. `t` is the scene's time, s.
+    """
     powers: dict[str, Scalar] = {}
 
     def book(name: str, power: Scalar) -> None:
@@ -23,6 +29,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     for family in dynamics.contact_forces.values():
         for force in family.values():
             rate = force.contact.gap.rate
+            # The elastic part of the normal force is conservative, so only the rest dissipates.
             book("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
                 book("friction", -force.friction.dot(force.contact.slip))
@@ -45,12 +52,15 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 def bristle_energy(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
 ) -> Scalar | None:
-    """Return the energy stored in the bristles of all contacts at their present normal forces, J;
-    ``None`` in a scene without bristle laws.
+    """Return the energy stored in the bristles of all contacts, J, at their present normal forces,
+    or ``None`` if the scene has no bristle laws.
 
-    The ledger's "friction" includes this energy, because it books what friction takes from the
-    motion. The stiffness of bristles is proportional to the normal force, so the stored energy also
-    changes with the normal force, without work of the motion.
+    The ledger's "friction" counts this energy as dissipated, since friction takes it from the
+    motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
+    also changes with the normal force, without any work of the bodies.
+
+    **Arguments:** `forces`: forces of all contacts; `bristles`: deflections, m; both by joint and
+    contact label.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
@@ -64,7 +74,12 @@ def bristle_energy(
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-    """Return kinetic, gravitational and elastic energies, J, as far as the scene has them."""
+    """Return the energies of the scene, J, by name: "kinetic", and as far as the scene has them
+    "gravity", "springs" and "contacts".
+
+    "gravity" is zero for centres of mass at the global origin, "springs" includes all force
+    elements, and "contacts" is elastic. `t` is the scene's time, s.
+    """
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]

@@ -1,7 +1,7 @@
 """Equations of motion (eqs 27-32) of a scene, in scalar form.
 
-While tracing, Python omits everything that a scene lacks: without constraints the compiled program
-has no multipliers, without friction no slip, without a ledger no powers.
+Python leaves out, while JAX traces, everything that a scene lacks: without constraints the compiled
+program has no multipliers, without friction no slip, without a ledger no powers.
 """
 
 from dataclasses import dataclass
@@ -29,9 +29,13 @@ from .multipliers import response, row_rate
 class Dynamics:
     """Solution of the equations of motion at one instant.
 
-    - `contact_forces`: by joint and contact label.
-    - `rows`, `multipliers`: of the joints that the coordinates do not eliminate.
-    - `rates`: of the speeds of the coordinates.
+    - `mechanics`: kinematics and mass matrix in the coordinates.
+    - `contact_forces`: forces of each contact, by joint and contact label.
+    - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
+      eliminate.
+    - `rates`: time derivative of each speed of the coordinates.
+    - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
+      multiplier is the reaction on the bodies (N or N m).
     """
 
     mechanics: AbstractMechanics
@@ -42,26 +46,27 @@ class Dynamics:
 
     @property
     def motions(self) -> Motions:
-        """Pose and twist of each body, the ground included."""
+        """Pose and twist of each body and of "ground", by name."""
         return self.mechanics.motions
 
     @cached_property
     def accelerations(self) -> dict[str, BodyAcceleration]:
-        """Acceleration of each body."""
+        """Acceleration of each body, by name."""
         return self.mechanics.accelerations(self.rates)
 
     @cached_property
     def variable_rates(self) -> MotionVariables:
-        """Time derivative of the variables."""
+        """Time derivative of the coordinates' variables."""
         return self.mechanics.variable_rates(self.rates)
 
 
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Return the wrenches of forces, films and contacts on each body.
+    """Return the wrench of forces, films and contacts on each body, by name.
 
-    Gravity is not among them: the mechanics add it as an acceleration.
+    Gravity is not included: the coordinates add it as an acceleration. `forces` holds the forces of
+    all contacts, by joint and contact label, and `t` is the scene's time, s.
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
@@ -89,7 +94,10 @@ def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
     """Return the constraint rows by joint and label, without the joints that the coordinates
-    eliminate."""
+    eliminate.
+
+    `t` is the scene's time, s.
+    """
     eliminated = coordinates.eliminated(scene)
     rows = {
         name: joint.rows(motions, t)
@@ -100,7 +108,8 @@ def constraint_rows(
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """Return the rows as a list, in the order of their multipliers."""
+    """Return all rows in one list, in the order of the dictionaries: the order of the
+    multipliers."""
     return [row for family in rows.values() for row in family.values()]
 
 
@@ -111,8 +120,14 @@ def solved(
     rows: ByLabel[Row],
     rates: Speeds,
 ) -> Dynamics:
-    """Solve the equations of motion: add the effect of the constraint `rows` to the `rates` of the
-    speeds without constraints."""
+    """Return the solution of the equations of motion with constraints.
+
+    **Arguments:**
+
+    - `forces`: contact forces, which are already in `rates` and are only passed on to the result.
+    - `rows`: constraint rows, by joint and label.
+    - `rates`: rates of the speeds without constraints, to which the constraints' effect is added.
+    """
     multipliers: ByLabel[Scalar] = {}
     if rows:
         change, in_order = _constraint_response(formulation, mechanics, flattened(rows), rates)
@@ -127,7 +142,10 @@ def solved(
 def _constraint_response(
     formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], rates: Speeds
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return the change of the rates by the constraints, and the multipliers."""
+    """Return the change of the speeds' rates by the constraints, and one multiplier for each row.
+
+    `rates` are the rates without constraints.
+    """
     directions = [mechanics.projected(row.jacobian) for row in rows]
     # Second derivative of each row: its target by the stabilisation, minus the part that does not
     # depend on the rates, minus the part of the unconstrained rates.

@@ -1,4 +1,5 @@
-"""Formulation of the equations of motion: the choices that do not belong to the scene."""
+"""Choices for the equations of motion that are not part of the scene: coordinates, stabilisation,
+solver."""
 
 import equinox as eqx
 
@@ -9,11 +10,14 @@ from .stabilisation import AbstractStabilisation, Baumgarte
 
 
 class Formulation(eqx.Module):
-    """Coordinates, stabilisation and solver for the equations of motion.
+    """Coordinates, stabilisation and linear solver for the equations of motion.
 
-    - `redundant`: whether constraints depend on each other, so that multipliers of least norm are
-      computed; see `clearjoint.constraint_report`.
-    - `ledger`: whether the dissipated energies are integrated with the state.
+    - `coordinates`: the integrated variables; `JointCoordinates` by default.
+    - `stabilisation`: how constraints are kept satisfied; `Baumgarte` feedback by default.
+    - `redundant`: whether some constraints depend on others. If so, reactions are not unique, and
+      the multipliers of least norm are computed; see `clearjoint.constraint_report`.
+    - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
+      integrated with the state, as an energy ledger in J.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates
@@ -26,5 +30,5 @@ class Formulation(eqx.Module):
     ledger: bool = eqx.field(default=False, static=True)
 
     def solver(self) -> AbstractSolver:
-        """Return the linear solver for the multipliers."""
+        """Return the linear solver for the constraint multipliers."""
         return LeastNorm() if self.redundant else Exact()

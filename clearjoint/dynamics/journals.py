@@ -1,4 +1,4 @@
-"""Check and correct journal positions at the start and end of a run."""
+"""Checks and corrections of the positions of journals at the start and end of a run."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -25,13 +25,13 @@ from .stabilisation import Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""m: penetration above which `assemble` centres a journal in its bearing."""
+"""m: penetration of the bearing's wall above which `assemble` moves a journal to the centre."""
 FAR_OUTSIDE = 1e-2
-"""Penetration at the start, relative to the largest possible one, above which a warning is
-issued."""
+"""Penetration at the start of a run, relative to the largest one that the joint allows, above which
+a warning is issued."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
-"""Penetration of each contact, m; negative without contact."""
+"""Penetration of each contact, m, by joint and contact label; negative without contact."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
@@ -48,9 +48,9 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named joints centred.
+    """Return ideal joints, by name, that hold the journals of the named clearance joints centred.
 
-    Joints without a centre position are left out.
+    Clearance joints without a centred position are left out.
     """
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
@@ -92,7 +92,7 @@ def resting_joints(
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with joints replaced by the ideal joints of the same names."""
+    """Return the scene with the joints of the given names replaced by ideal joints."""
     with quiet():
         return replace(scene, joints={**scene.joints, **ideal})
 
@@ -135,8 +135,11 @@ def warn_of_journals_outside(
 ) -> None:
     """Warn of journals that have slid out of their bearings during a run.
 
-    **Arguments:** `time`, s, and `final`: the end of the run and the state there; `kept`: pairs of
-    saved times (N,), s, and the states there, with the axis of times first.
+    **Arguments:**
+
+    - `time`, `final`: end of the run, s, and the state then.
+    - `kept`: pairs of saved times, (N,), s, and the states then, with the axis of times first in
+      each array.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
@@ -159,12 +162,13 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the distance by which a journal has slid beyond its bearing, (N,) m, by joint.
+    """Return the distance, (N,), m, by which each journal has slid beyond its bearing, by name of
+    joint.
 
     It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
 
-    **Arguments:** `joints`: in scalar form, of NumPy numbers or arrays (N,); `bodies`: their states
-    with the axis N first.
+    **Arguments:** `joints`: by name, in scalar form, of NumPy numbers or arrays (N,); `bodies`: N
+    states of each body, by name, with the axis N first.
     """
     motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
@@ -174,7 +178,7 @@ def slid_out(
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
     """Return whether any journal has slid out of its bearing.
 
-    **Arguments:** `scene`, `bodies`: in scalar form.
+    Scene and states of the bodies, by name, are in scalar form.
     """
     motions = {GROUND: GROUND_MOTION}
     for name, body in bodies.items():
@@ -186,7 +190,10 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
 
 
 def _motions(body: BodyState) -> Motion:
-    """Return the motion of a body at several times, in NumPy, so that nothing is compiled."""
+    """Return the motion of a body at N times, with NumPy arrays (N,) as components.
+
+    The state has arrays (N, 3) and (N, 4). NumPy is used so that nothing is compiled.
+    """
     parts = (body.position, body.orientation, body.velocity, body.spin)
     columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
     position, velocity, spin = (Vector(*columns[k]) for k in (0, 2, 3))
@@ -199,7 +206,10 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
 
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
-    """Return the penetration of each contact, m; scene and bodies in packed form."""
+    """Return the penetration of each contact, m, by joint and contact label.
+
+    Scene and states of the bodies, by name, are in packed form.
+    """
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
     return {
@@ -210,9 +220,11 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the load of each ideal joint while the bodies are at rest.
+    """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
+    rest.
 
-    A load is the force of the second body on the first, N, (3,) in the first body's axes.
+    A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
+    the first body. Scene and states of the bodies are in packed form, and `t` is in s.
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant.

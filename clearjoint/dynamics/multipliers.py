@@ -1,5 +1,7 @@
-"""Lagrange multipliers of constraint rows (eqs 30 and 32), unrolled in scalar form or, for large
-systems, in arrays."""
+"""Lagrange multipliers of constraint rows (eqs 30 and 32).
+
+Small systems are solved by unrolled scalar arithmetic, large ones in arrays.
+"""
 
 from collections.abc import Sequence
 
@@ -19,12 +21,22 @@ def response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return the change of the rates that changes each row by its target, and the multipliers.
+    """Return the smallest change of the speeds' rates for which each row's second derivative
+    changes by its target, and the multipliers.
 
-    The change is M^-1 D^T lambda with D M^-1 D^T lambda = targets, where `directions` are the rows
-    D = J H. Projections use the same map with speeds or displacements instead of rates: it is the
-    smallest correction in the metric of the mass matrix. A row that is structurally zero, such as
-    that of a planar loop normal to its plane, is satisfied identically; its multiplier is zero.
+    With the mass matrix M of the coordinates and the rows D, the change is M^-1 D^T lambda, where D
+    M^-1 D^T lambda = targets. It is the smallest change in the metric of M. Projections use the
+    same function with changes of speeds or positions in place of rates. A row of structural zeros,
+    such as that of a planar loop normal to its plane, is always satisfied, and its multiplier is
+    zero.
+
+    **Arguments:**
+
+    - `directions`: the rows of D, one list for each constraint row, with one entry for each speed:
+      its Jacobian by the speeds.
+    - `targets`: one number for each constraint row.
+
+    **Returns:** the change, one number for each speed, and one multiplier for each constraint row.
     """
     # A zero row would make the matrix singular.
     kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
@@ -47,7 +59,7 @@ def _unrolled_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return `response` in scalar form; `weighted` are the rows of D M^-1."""
+    """Return `response` in scalar arithmetic; `weighted` holds the rows of D M^-1."""
     # The lower triangle of D M^-1 D^T, which is symmetric.
     schur = [
         [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
@@ -65,7 +77,8 @@ def _dense_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return `response` in arrays, for systems too large to be unrolled."""
+    """Return `response` in arrays, for more than `LARGEST_UNROLLED` rows; `weighted` holds the rows
+    of D M^-1."""
     jacobian, inverse = (
         jnp.stack([as_array(row) for row in rows]) for rows in (directions, weighted)
     )
@@ -75,13 +88,14 @@ def _dense_response(
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack scalars as an array (n,) of floats: of NumPy if the numbers are, else of JAX."""
+    """Stack n scalars as an array (n,) of floats: a JAX array if any of them is, else a NumPy
+    array."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
-    """Return the first time derivative of a row's value."""
+    """Return the time derivative of a constraint row's value for given motions of the bodies."""
     total = row.time_rate
     for name, pair in row.jacobian.items():
         if name != GROUND:

@@ -1,4 +1,4 @@
-"""Stabilisation of constraints against drift by integration error: Baumgarte's feedback (eq. 32),
+"""Methods against the drift of constraints by integration errors: Baumgarte's feedback (eq. 32),
 projection at the end of each step, or none."""
 
 import abc
@@ -14,7 +14,9 @@ T = TypeVar("T")
 
 
 class AbstractStabilisation(AbstractConverting):
-    """Base class of methods that keep the constraints satisfied in spite of integration error.
+    """Base class of methods that keep constraints satisfied in spite of integration errors.
+
+    A subclass defines `target`, and may override `corrected`:
 
     ```python
     import clearjoint as cj
@@ -31,19 +33,26 @@ class AbstractStabilisation(AbstractConverting):
 
     @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return the second derivative to impose on a constraint with a given value and rate."""
+        """Return the second time derivative that the equations of motion impose on a constraint.
+
+        **Arguments:** `value`: Phi of the constraint, m or rad; `rate`: time derivative of Phi, m/s
+        or rad/s.
+
+        **Returns:** m/s^2 or rad/s^2.
+        """
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return the corrected variables at the end of a step; by default they are unchanged.
+        """Return corrected variables at the end of a step; by default they are unchanged.
 
-        **Arguments:** `project`: projects positions and velocities onto the constraints.
+        **Arguments:** `variables`: positions and speeds in the run's coordinates; `project`:
+        function that projects positions and speeds of given variables onto the constraints.
         """
         del project
         return variables
 
 
 class Unstabilised(AbstractStabilisation):
-    """No stabilisation: the constraints drift with the integration error.
+    """No stabilisation: the constraints drift as integration errors accumulate.
 
     >>> drifting = cj.Unstabilised()
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
@@ -51,13 +60,14 @@ class Unstabilised(AbstractStabilisation):
     """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return zero: only the second derivatives of the constraints are satisfied."""
+        """Return zero, so that only second derivatives of the constraints are satisfied."""
         del value, rate
         return 0.0
 
 
 class Baumgarte(AbstractStabilisation):
-    """Feedback -2 alpha rate - beta^2 value (eq. 32; J. Baumgarte 1972).
+    """Feedback that imposes -2 alpha rate - beta^2 value on the second derivative of each
+    constraint (eq. 32; J. Baumgarte 1972).
 
     `alpha` and `beta` are in 1/s; 5 is usual. In the paper, the dot on the first term is missing.
 
@@ -70,7 +80,7 @@ class Baumgarte(AbstractStabilisation):
     beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return -2 alpha rate - beta^2 value."""
+        """Return -2 alpha rate - beta^2 value, in m/s^2 or rad/s^2."""
         return -2.0 * self.alpha * rate - self.beta**2 * value
 
 
@@ -83,10 +93,11 @@ class Projection(AbstractStabilisation):
     """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return zero: only the second derivatives of the constraints are satisfied."""
+        """Return zero, so that only second derivatives of the constraints are satisfied within a
+        step."""
         del value, rate
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return the variables with positions and velocities projected onto the constraints."""
+        """Return variables whose positions and velocities are projected onto the constraints."""
         return project(variables)

@@ -1,6 +1,7 @@
-"""A scene with the formulation of its equations of motion, evaluated at an instant.
+"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
 
-Each compiled function makes one `System` at its entry; steps, outputs and reports use it.
+Each compiled program makes one `System` at its entry, from which steps, outputs and reports compute
+motions, forces and rates.
 """
 
 import functools
@@ -40,13 +41,17 @@ from .grouping.coordinates import grouped
 from .multipliers import response, row_rate
 
 FARTHEST = 1e-3
-"""m or rad: largest violation of a constraint before a run stops. Stabilised constraints drift by a
-thousandth of this at usual tolerances."""
+"""Largest violation of a constraint, m or rad, at which a run continues. With the default
+stabilisation and tolerances, constraints drift by about a thousandth of this value."""
 
 
 class Prescribed(NamedTuple):
-    """Value of a constraint, m or rad, and its first and second rate while the bodies are at
-    rest."""
+    """A constraint that depends on time, evaluated for bodies at rest.
+
+    - `value`: Phi, m or rad.
+    - `rate`, `second_rate`: first and second time derivative of Phi, m/s or rad/s and m/s^2 or
+      rad/s^2.
+    """
 
     value: Scalar
     rate: Scalar
@@ -54,14 +59,17 @@ class Prescribed(NamedTuple):
 
 
 class System(eqx.Module):
-    """A scene in scalar form and the formulation of its equations of motion.
+    """A scene with the formulation of its equations of motion, evaluated at single instants.
 
-    In the methods, `variables` are those of the formulation's coordinates, times t are in s since
-    `origin`, `entry_speeds` are those of the contacts in m/s.
+    - `scene`: in scalar form (see `clearjoint.extend.unpack`).
+    - `formulation`: coordinates, stabilisation and solver.
+    - `origin`: the scene's time, s, at which the methods' time t is zero; ``None`` if t is the
+      scene's time. A run that starts at a large time has an origin, so that t is near zero, where
+      floating-point numbers are dense enough for the shortest steps.
 
-    `origin`: the scene's time in s at which t is zero; ``None`` if t is the scene's time. Runs that
-    start long after time zero use it: near t = 0 floating-point numbers are dense enough for the
-    shortest steps.
+    In all methods, `variables` are those of the formulation's coordinates, t is in s since
+    `origin`, `entry_speeds` holds m/s by joint and contact label, and joints and bodies are
+    identified by name.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -76,54 +84,60 @@ class System(eqx.Module):
 
     @staticmethod
     def of(scene: Scene, formulation: Formulation) -> "System":
-        """Return the system of a scene in scalar form, with elements of the same structure grouped.
+        """Return the system of a scene in scalar form, in which alike elements are computed as
+        groups.
 
-        States and entry speeds then have the names of groups; see `clearjoint.math.groups`.
+        The names of bodies and joints in states and entry speeds are then those of groups where
+        elements have been grouped; see `clearjoint.math.groups`.
         """
         return System(*grouped(scene, formulation))
 
     def with_scene(self, scene: Scene) -> "System":
-        """Return the system of another scene of the same structure."""
+        """Return this system with another scene, whose structure (names, types, groups) is the
+        same."""
         return System(scene, self.formulation, self.origin)
 
     def clock(self, t: Scalar) -> Scalar:
-        """Return the scene's time for a time t since `origin`, s."""
+        """Return the scene's time, s, for a time t, s since `origin`."""
         return t if self.origin is None else self.origin + t
 
     def own_time(self, time: Scalar) -> Scalar:
-        """Return the time since `origin` for a time of the scene, s."""
+        """Return the time in s since `origin` for a time of the scene, s."""
         return time if self.origin is None else time - self.origin
 
     def ungrouped(self) -> Scene:
-        """Return the scene with its groups split into single elements."""
+        """Return the scene with each group split into its single elements."""
         return whole(self.scene)
 
     def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables of a state in scalar form."""
+        """Return the variables for given states of the bodies, by name, in scalar form."""
         return self.formulation.coordinates.encode(self.scene, bodies)
 
     def decode(self, variables: MotionVariables) -> dict[str, BodyState]:
-        """Return the state of the variables, in scalar form."""
+        """Return the states of the bodies, by name, in scalar form."""
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return the variables of the same motion, normalised; see `AbstractCoordinates`."""
+        """Return variables of the same motion with Euler parameters of unit norm and angles within
+        two turns; see `AbstractCoordinates.without_drift`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
-        """Return `variables` with the speeds of `others`."""
+        """Return the positions of `variables` with the speeds of `others`."""
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
     def motions(self, variables: MotionVariables) -> Motions:
-        """Return pose and twist of each body, the ground included."""
+        """Return pose and twist of each body and of "ground", by name."""
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return the mechanics of the coordinates: the equations of motion before forces."""
+        """Return mass matrix and kinematics of the scene at the given variables, without any
+        forces."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """Return the constraint rows that the coordinates do not eliminate, by joint and label."""
+        """Return the rows of the constraints that the coordinates do not eliminate, by joint and
+        label."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
@@ -134,10 +148,14 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> Dynamics:
-        """Solve the equations of motion.
+        """Return the solution of the equations of motion, with the contact forces that follow from
+        the variables.
 
-        **Arguments:** `closed`: the contacts that have a force; those that penetrate if ``None``.
-        `bristles`: deflections, m, if the scene has bristle laws.
+        **Arguments:**
+
+        - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
+          contacts that penetrate have one.
+        - `bristles`: deflections, m, by joint and contact label, for contacts with bristle laws.
         """
         mechanics = self.mechanics(variables)
         forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
@@ -146,7 +164,11 @@ class System(eqx.Module):
     def dynamics_under(
         self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """Solve the equations of motion under given contact forces; `{}` for none."""
+        """Return the solution of the equations of motion with given contact forces, by joint and
+        contact label.
+
+        Pass ``{}`` for a motion without contact forces.
+        """
         return self._solved(self.mechanics(variables), forces, t)
 
     def _solved(
@@ -168,28 +190,37 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the time derivatives of the variables, and those of the energy ledger, W."""
+        """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
+        name.
+
+        The arguments are those of `dynamics`. Without a ledger the powers are an empty dictionary.
+        """
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Return the powers of the energy ledger by name, W; empty if it is not integrated."""
+        """Return the powers of the energy ledger, W, by name; empty if the formulation has no
+        ledger."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
-        """Return kinetic, gravitational and elastic energies, J, as far as the scene has them."""
+        """Return the energies of the scene, J, by name: "kinetic", and as far as they exist
+        "gravity", "springs" and "contacts"."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return depth and rate of each contact from the onset of its force, by joint and label."""
+        """Return penetration, m, and its rate, m/s, of each contact, by joint and contact label.
+
+        The penetration is measured from the onset of the contact's force.
+        """
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
         self, variables: MotionVariables, variable_rates: MotionVariables
     ) -> ByLabel[Scalar]:
-        """Return the second time derivatives of the contacts' depths, m/s^2, for given time
-        derivatives of the variables."""
+        """Return the second time derivative of each contact's penetration, m/s^2, by joint and
+        contact label, for given time derivatives of the variables."""
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
@@ -206,15 +237,24 @@ class System(eqx.Module):
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Return geometry and forces of all contacts, by joint and contact label."""
+        """Return geometry and forces of each contact, by joint and contact label.
+
+        Contacts that penetrate have a force. `bristles` are deflections, m, by joint and contact
+        label.
+        """
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables with positions, then velocities, projected onto the constraints."""
+        """Return the variables corrected in position, then in velocity, towards the constraints."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Do one Newton step of the positions towards Phi = 0, in the metric of the mass matrix."""
+        """Return the variables after one Newton step of the positions towards constraint values of
+        zero.
+
+        Of all corrections that satisfy the linearised constraints, it is the smallest in the metric
+        of the mass matrix.
+        """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
@@ -223,8 +263,11 @@ class System(eqx.Module):
         return mechanics.after_displacement(self._correction(mechanics, rows, targets))
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables with the velocities nearest to the given ones, in the metric of the
-        mass matrix, for which the rate of Phi is zero."""
+        """Return the variables with corrected velocities, for which the constraints' rates are
+        zero.
+
+        Of all such corrections, it is the smallest in the metric of the mass matrix.
+        """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
@@ -235,16 +278,20 @@ class System(eqx.Module):
     def _correction(
         self, mechanics: AbstractMechanics, rows: Sequence[Row], targets: Sequence[Scalar]
     ) -> Speeds:
-        """Return the smallest change of positions or speeds that changes rows by their targets."""
+        """Return the smallest change of positions or speeds, in the metric of the mass matrix, that
+        changes the value or the rate of each row by its target."""
         directions = [mechanics.projected(row.jacobian) for row in rows]
         return response(mechanics, directions, targets, self.formulation.solver())[0]
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
-        """Whether the coordinates leave any constraint."""
+        """Return whether any constraint remains that the coordinates do not eliminate."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
-        """Return value and rates of each constraint that depends on time, for bodies at rest."""
+        """Return value and rates of each constraint that depends on time, with all bodies at rest.
+
+        The list has the order of `rows`, without the constraints that do not depend on time.
+        """
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)
             for name, motion in self.motions(variables).items()
@@ -257,8 +304,9 @@ class System(eqx.Module):
         ]
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Whether any constraint is violated by more than `FARTHEST`, or by more than the smallest
-        clearance of a journal if that is less; ``None`` without constraints."""
+        """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
+        smallest clearance of a journal if that is less. Return ``None`` if there are no
+        constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -1,4 +1,5 @@
-"""Cache of results by the numbers in PyTrees: checks of a run take longer than a short run."""
+"""Cache of function results by the numbers in PyTrees, since the checks of a run take longer than a
+short run."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -11,16 +12,17 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 KEPT = 256
-"""Number of results that are cached for each function; the least recently used is removed."""
+"""Number of results that are cached for each function; the least recently used one is removed."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Cache the results of a function of PyTrees by classes, static fields and numbers.
+    """Wrap a function of PyTrees so that its results are cached by classes, static fields and
+    numbers of the arguments.
 
-    The function must have no side effects, and its results must not be changed. Errors are not
-    cached, nor are results for traced numbers.
+    The function must have no side effects, and callers must not change its results. Neither errors
+    nor results for traced numbers are cached.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
@@ -41,7 +43,8 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
 
 
 def content(leaf: PyTree) -> Hashable:
-    """Return a key of a leaf: type, shape, dtype and bytes of an array, else the object itself."""
+    """Return a hashable key for a leaf: type, shape, dtype and bytes of an array; type and value of
+    any other object."""
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)
         return type(leaf), array.shape, array.dtype, array.tobytes()

@@ -1,4 +1,4 @@
-"""Warnings about unusual numbers, and about runs that leave the range of a model."""
+"""Warnings about unusual numbers, and about runs that leave the range of a model's validity."""
 
 import sys
 import warnings
@@ -11,12 +11,12 @@ import equinox as eqx
 
 _PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
 SILENCE = "To silence this:"
-"""Start of the advice on silencing that follows a warning."""
+"""Start of the last sentence of each warning, on how to silence it."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
 class UnusualValueWarning(UserWarning):
-    """A number is far from the usual range: its unit may be wrong.
+    """Warns that a number is far from its usual range, for example because of a wrong unit.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.UnusualValueWarning)``.
 
@@ -30,7 +30,7 @@ class UnusualValueWarning(UserWarning):
 
 
 class LeftBearingWarning(UserWarning):
-    """A journal that is not held axially has slid out of its bearing.
+    """Warns that a journal that nothing holds axially has slid out of its bearing.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LeftBearingWarning)``.
 
@@ -40,10 +40,10 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """A file contains data that a scene cannot represent.
+    """Warns that a file that is read contains data that a scene cannot represent.
 
-    Silence it with
-    ``warnings.filterwarnings("ignore", category=clearjoint.NotCarriedOverWarning)``.
+    Silence it with ``warnings.filterwarnings("ignore",
+    category=clearjoint.NotCarriedOverWarning)``.
 
     >>> import warnings
     >>> warnings.filterwarnings("error", category=cj.NotCarriedOverWarning)  # raise it
@@ -51,7 +51,7 @@ class NotCarriedOverWarning(UserWarning):
 
 
 class PoorFitWarning(UserWarning):
-    """The residual of a fit is far above the noise.
+    """Warns that the residuals of a fit are far above the measurements' noise.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.PoorFitWarning)``.
 
@@ -61,7 +61,7 @@ class PoorFitWarning(UserWarning):
 
 
 class LooseBodyWarning(UserWarning):
-    """A body, or the axis of a drive, is not held by anything.
+    """Warns that nothing holds a body or the axis of a drive.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
 
@@ -77,7 +77,8 @@ class LooseBodyWarning(UserWarning):
 
 
 class LawRangeWarning(UserWarning):
-    """A contact law is used outside of its range, or for a result that it cannot provide.
+    """Warns that a contact law is used outside of its range, or for a result that it cannot
+    provide.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
 
@@ -87,7 +88,11 @@ class LawRangeWarning(UserWarning):
 
 
 def caution(message: str, category: type[Warning]) -> None:
-    """Warn at the user's line of code, with advice on how to silence the warning."""
+    """Issue a warning of a category of this module at the user's line of code.
+
+    A sentence on how to silence the warning is added to `message`. Within `quiet`, nothing is
+    issued.
+    """
     if not warns():
         return
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
@@ -95,13 +100,14 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def warns() -> bool:
-    """Return whether cautions are issued; not within `quiet`."""
+    """Return whether warnings are issued: not within `quiet`."""
     return not _QUIET.get()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Issue no cautions within the context, in which numbers are checked again."""
+    """Suppress the warnings of this module within the context, for numbers that were checked
+    before."""
     token = _QUIET.set(True)
     try:
         yield
@@ -110,8 +116,8 @@ def quiet() -> Iterator[None]:
 
 
 def _level_of_the_user() -> int:
-    """Return the stack level, for `warnings.warn` in the caller, of the first frame that is neither
-    in this package nor in equinox."""
+    """Return the `stacklevel` with which `warnings.warn`, called by the caller of this function,
+    points at the first frame outside of this package and equinox."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):
         level, frame = level + 1, frame.f_back

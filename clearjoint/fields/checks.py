@@ -1,8 +1,10 @@
-"""Checks of values, whose messages all have the same form.
+"""Checks of values, whose error messages all have the same form.
 
-Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a backend when a
-scene is built, and do not depend on JAX's setting of precision. A check of a traced value cannot
-raise an error: it passes, unless `conditions_of` collects its condition, for a run to evaluate.
+In all functions, `argument` is the name of the value and `remedy` the advice in the message, as
+`require` puts them together. Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do
+not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision. A
+check of a traced value cannot raise an error, because the value is unknown. It passes, unless
+`conditions_of` collects its condition, which a run then evaluates.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -23,18 +25,19 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Largest number of characters of a value in a message."""
+"""Largest number of characters of a value in an error message."""
 Path: TypeAlias = tuple[str | int, ...]
-"""Path to a part of a tree: names of fields and keys of containers."""
+"""Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""Largest difference from a shorter number that is not shown, in units of rounding."""
+"""Largest difference between a number and its form with 14 digits, in units of rounding, at which
+the latter is shown."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """Convert a value to a float64 NumPy array; JAX arrays, and lists with traced numbers, become
-    JAX arrays.
+    """Return a value as a float64 NumPy array, or as a JAX array if it is one or contains traced
+    numbers.
 
     **Arguments:** `argument`, `unit`: name and unit of the value in the error message.
 
@@ -51,6 +54,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
+        # NumPy would convert strings and bools to floats without an error.
         unfit = value is None or np.asarray(value).dtype.kind in "USb"
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -69,10 +73,11 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def as_shown(value: Any) -> Any:
-    """Convert numbers and arrays to Python's numbers for printing; other values are unchanged.
+    """Return numbers and arrays as Python numbers and nested lists, for printing; other values
+    unchanged.
 
-    A number that differs by a few roundings from one with 14 digits is replaced by the latter: for
-    instance 5e-6 after the conversion of a unit or a logarithm.
+    A number that differs by a few roundings from its form with 14 digits is replaced by that form.
+    For example, after the conversion of a unit, 4.999999999999999e-06 is shown as 5e-06.
 
     >>> as_shown(np.array([4.999999999999999e-06, 1 / 3]))
     [5e-06, 0.3333333333333333]
@@ -88,11 +93,11 @@ def as_shown(value: Any) -> Any:
 
 
 def checkable(*values: object) -> list[Any] | None:
-    """Return the values as arrays for a check, or ``None`` if the check is to be omitted.
+    """Return the values as arrays for a check, or ``None`` if the check must be omitted.
 
-    It is omitted if JAX traces one of the values and conditions are not collected (see
-    `conditions_of`). Pass the condition to `require` without `bool`, which tracers do not support,
-    and combine conditions by ``&`` and ``|``.
+    A check is omitted if JAX traces one of the values, unless `conditions_of` collects conditions.
+    Pass the condition to `require` without calling `bool`, which tracers do not support, and
+    combine conditions by ``&`` and ``|``.
 
     >>> numbers = extend.checkable(0.3, 0.1)
     >>> if numbers is not None:
@@ -105,9 +110,10 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """Return the conditions, (), under which a check of traced values would raise no error.
+    """Return the conditions, each a boolean (), under which a check of traced values raises no
+    error.
 
-    Checks of known values raise their errors.
+    `check` is called. For known values it raises its errors as usual.
     """
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
@@ -125,9 +131,14 @@ def require(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition; else raise a ``ValueError`` with argument, value, expectation and remedy.
+    """Check a condition on an argument.
 
-    A traced condition raises no error; `conditions_of` collects it.
+    A traced condition is not tested; `conditions_of` collects it.
+
+    **Arguments:** the message is "Argument `argument` must be `expected`, but is `value`:
+    `remedy`."
+
+    **Raises:** `ValueError` with this message if the condition is false.
 
     >>> extend.require(False, "teeth", 3, "at least 5", "count them")
     Traceback (most recent call last):
@@ -144,7 +155,7 @@ def require(
 
 
 def _shown(value: object) -> str:
-    """Return a value as text of at most `LONGEST` characters."""
+    """Return a value as text of about `LONGEST` characters at most, or its size if it is longer."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
@@ -154,7 +165,9 @@ def _shown(value: object) -> str:
 
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
-    """Check that an array has a shape and finite values.
+    """Raise a ``ValueError`` unless an array has the given shape and only finite values.
+
+    `remedy` is the advice for a wrong shape.
 
     >>> extend.require_shape("inertia", np.eye(3), (3, 3), "give it so")  # else raises
     """
@@ -163,7 +176,7 @@ def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remed
 
 
 def require_finite(argument: str, value: object) -> None:
-    """Check that no value is NaN or infinite.
+    """Raise a ``ValueError`` if a value, a number or an array, contains NaN or infinity.
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
@@ -179,7 +192,8 @@ def require_finite(argument: str, value: object) -> None:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Check that a scalar is finite and positive, or with ``zero`` that it is not negative.
+    """Raise a ``ValueError`` unless a value is one finite number, positive or, with `zero`, not
+    negative.
 
     >>> extend.require_positive("radius", -1.0, "give it in m")
     Traceback (most recent call last):
@@ -194,13 +208,13 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str) -> None:
-    """Check that a value is a positive integer; floats and bools are refused."""
+    """Raise a ``ValueError`` unless a value is a positive integer; floats and bools are refused."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value > 0
     require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
 def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check that a value is a dictionary whose keys are non-empty strings."""
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
     kind = type(given).__name__
     require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
     for name in given:
@@ -209,7 +223,11 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Check that a value is a dictionary whose keys can be names of arrays in a store's folder."""
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a store's
+    folder.
+
+    Names with a slash or backslash are refused, and names that begin with "." or "__".
+    """
     require_names(argument, given, remedy)
     for name in given:
         fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
@@ -218,17 +236,19 @@ def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> N
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
-    """Copy a mapping whose keys `require_names` accepts to a dictionary.
+    """Return a dictionary with the entries of a mapping, after `require_names` has checked its
+    keys.
 
-    For classes with an ``__init__`` method: in other modules JAX sorts the keys before they are
-    checked.
+    It is used in the ``__init__`` methods of modules. Without it, JAX would sort the keys before
+    they are checked, and fail for keys of mixed types.
     """
     require_names(argument, given, remedy)
     return dict(given)
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Check that a scalar is in a closed interval.
+    """Raise a ``ValueError`` unless a value is one finite number in the closed interval [lower,
+    upper].
 
     >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
     Traceback (most recent call last):
@@ -245,7 +265,11 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
 def caution_unless(
     condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
 ) -> None:
-    """Warn about a number that is possible but unusual."""
+    """Issue an `UnusualValueWarning` about a number unless the condition holds.
+
+    **Arguments:** `expected`: the usual range with its unit, such as "at most 1 m", for the
+    message.
+    """
     if not condition:
         caution(
             f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
@@ -255,14 +279,17 @@ def caution_unless(
 
 
 def caution_above(argument: str, value: object, unit: str, most: float, remedy: str) -> None:
-    """Warn about a number that is larger than usual."""
+    """Issue an `UnusualValueWarning` if a number is larger than `most`; tracers are not checked."""
     caution_outside(argument, value, unit, -np.inf, most, remedy)
 
 
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Warn about a number outside of the usual interval."""
+    """Issue an `UnusualValueWarning` if a number is less than `least` or larger than `most`.
+
+    Tracers are not checked.
+    """
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -271,7 +298,7 @@ def caution_outside(
 
 
 def require_point(argument: str, value: ArrayLike) -> None:
-    """Check that a point or vector has three finite coordinates.
+    """Raise a ``ValueError`` unless a point or vector has three finite coordinates, (3,).
 
     >>> extend.require_point("journal_point", (-0.5, 0, 0))  # raises for other shapes
     """
@@ -279,7 +306,7 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Check that a direction has three finite components, not all zero.
+    """Raise a ``ValueError`` unless a direction has three finite components, (3,), not all zero.
 
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
@@ -299,7 +326,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Check that four Euler parameters have unit norm."""
+    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     if (known := checkable(value)) is not None:
         (parameters,) = known
@@ -313,7 +340,7 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Repeat all checks at construction of the modules in a PyTree, without warnings."""
+    """Repeat the checks at construction for all modules in a PyTree, without warnings."""
     with quiet():
         _recheck(tree)
 
@@ -325,13 +352,14 @@ def _recheck(tree: PyTree) -> None:
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
-    """Repeat the checks of modules that contain a changed leaf, without warnings.
+    """Repeat the checks at construction for modules that contain a changed leaf, without warnings.
 
-    Modules of this package that contain it only through a dictionary or a list are not checked,
-    since the entries of these are independent.
+    A module of this package that contains the leaf only through a dictionary, list or tuple is not
+    checked, since the entries of these are independent of each other. A module of any other package
+    is checked.
 
-    **Arguments:** `structure`: structure of the tree, as JAX flattens it; `changed`: whether each
-    leaf has changed.
+    **Arguments:** `structure`: of the tree, from `jax.tree.structure`; `changed`: one boolean for
+    each leaf, in JAX's order.
     """
     with quiet():
         for path in _paths_to_changed(structure, changed):
@@ -341,10 +369,11 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions, (), under which `recheck_changes` raises no error for traced numbers.
+    """Return the conditions, each a boolean (), under which `recheck_changes` raises no error for
+    traced numbers.
 
-    Returns ``None`` if a class from outside of this package checks them, which may need known
-    numbers.
+    Return ``None`` if any class to be checked is not of this package, since its checks may need
+    known numbers. The arguments are those of `recheck_changes`.
     """
     for path in _paths_to_changed(structure, changed):
         if not is_of_package(reduce(_child, path, tree)):
@@ -353,17 +382,19 @@ def conditions_of_changes(
 
 
 def is_of_package(module: eqx.Module) -> bool:
-    """Return whether the class of a module belongs to this package."""
+    """Return whether the class of a module, an instance of `equinox.Module`, belongs to this
+    package."""
     return type(module).__module__.split(".")[0] == __name__.split(".")[0]
 
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Return the paths of modules with changed leaves, inner modules first."""
+    """Return the paths of the modules that `recheck_changes` must check, inner modules first."""
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Return whether a leaf has changed: outside of inner containers, and anywhere."""
+        """Return whether a leaf of `tree` has changed: outside of containers in `tree`, and
+        anywhere."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
@@ -399,8 +430,10 @@ def _check_here(tree: PyTree) -> None:
 
 
 def _check_by(check: Callable[[PyTree], None], tree: PyTree) -> None:
-    """Run a check; a check of a user-defined class that needs known values is omitted for traced
-    ones."""
+    """Run a check of a module's class.
+
+    While conditions are collected, a check that fails because it needs known values is omitted.
+    """
     try:
         check(tree)
     except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):

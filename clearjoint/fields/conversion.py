@@ -1,4 +1,4 @@
-"""Modules that convert the values of their fields, so that user-defined classes need only
+"""Modules that convert the values given for their fields, so that user-defined classes need only
 annotations."""
 
 import inspect
@@ -20,22 +20,21 @@ from .readable import AbstractReadable
 from .types import ArrayLike
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields without numbers, which are static."""
+"""Annotations of fields that hold no numbers, and are therefore static."""
 
 
 class AbstractConverting(AbstractReadable):
-    """A PyTree that accepts Python's numbers and stores arrays.
+    """PyTree class that accepts Python numbers and stores arrays.
 
     A field of a subclass that has only an annotation is
 
     - static if it is annotated as `str` or `bool`, as for the name of a body;
-    - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays. A change of a
-      number then does not compile again.
+    - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
+      of a number compiles nothing again.
 
-    `clearjoint.extend.quantity("N m")` additionally declares unit, shape and range, and with
-    ``table=True`` a table, which stays an array. Functions, and numbers that determine the
-    structure of a program, such as a number of repetitions, are declared by
-    ``equinox.field(static=True)``.
+    `clearjoint.extend.quantity("N m")` also declares unit, shape and range, and with ``table=True``
+    a table, which stays an array in scalar form. Declare functions, and numbers that determine the
+    structure of a program, such as a number of repetitions, by ``equinox.field(static=True)``.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -46,14 +45,21 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts a given value to the stored one, for a field without a
-        converter."""
+        """Return the function that converts given values of the field `name`, if it declares no
+        converter.
+
+        A subclass may override this; by default it is `as_numbers`.
+        """
         del name
         return as_numbers
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Convert Python numbers, and tuples and lists of them, in a value to 64-bit arrays."""
+    """Return a value with its Python numbers, and tuples and lists of numbers, as float64 arrays.
+
+    Lists of numbers or of arrays of equal shape are stacked to one array. Dictionaries, and other
+    tuples and lists, are converted entry by entry; all else is unchanged.
+    """
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
         return as_number(value)
     if isinstance(value, dict):
@@ -69,11 +75,12 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """Convert all numbers in a tree to arrays of 64-bit floats.
+    """Return a PyTree with its numbers as float64 arrays.
 
-    A Python number that was put into a scene by `equinox.tree_at` would be part of the program,
-    which would be compiled for each value. Traced numbers are not converted, nor numbers in modules
-    of other packages without converters, which may be meant as parts of the program.
+    A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
+    program, which would be compiled for each of its values. Not converted are traced numbers, and
+    numbers in modules of other packages in fields without a converter, since these may be meant as
+    parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
     # The usual case, before every run.
@@ -103,8 +110,11 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of leaves in numeric fields: all fields of this package's modules, and
-    those with a converter in other modules."""
+    """Return the indices of the leaves in numeric fields, in JAX's order.
+
+    All fields that are not static count in modules of this package; in others, those with a
+    converter.
+    """
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
@@ -124,8 +134,11 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """Convert a value to a JAX array by NumPy, since `jax.numpy.asarray` alone compiles a small
-    program for each shape of Python's and NumPy's numbers."""
+    """Return a value as a JAX array.
+
+    The conversion goes by NumPy, because `jax.numpy.asarray` alone compiles a small program for
+    each shape of Python's and NumPy's numbers.
+    """
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 
@@ -140,7 +153,7 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the field of a class, made static or with a converter unless it is declared so."""
+    """Return the field `name` of a class, made static or given a converter if it has neither."""
     given = cls.__dict__.get(name)
     if isinstance(given, Field):
         field = given

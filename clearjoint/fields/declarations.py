@@ -1,4 +1,4 @@
-"""Declarations of fields: unit, shape, sign and range, which are checked at construction."""
+"""Declarations of fields (unit, shape, sign and range), which are checked when objects are made."""
 
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields
@@ -26,7 +26,7 @@ _COUNTS = {(): "a single number", (3,): "three components", (4,): "four componen
 
 @dataclass(frozen=True)
 class Declaration:
-    """Allowed values of a field. `quantity` explains the attributes."""
+    """Allowed and usual values of a field; see `quantity` for the attributes."""
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -38,7 +38,10 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Raise a ``ValueError`` for an invalid value, and warn about an unusual one."""
+        """Check a value of the field `name` against the declaration.
+
+        **Raises:** `ValueError` for a value that is not allowed. An unusual value gives a warning.
+        """
         if self.check is not None:
             self.check(name, value)
         if self.shape is not None:
@@ -98,7 +101,9 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a `quantity` that may be ``None``, and is then not computed.
+    """Declare a `quantity` whose default is ``None``; its effect is then not computed.
+
+    `options` are those of `quantity`.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -119,7 +124,8 @@ def _as_optional_number(
 
 
 def name_conversions(cls: type) -> None:
-    """Make the errors of a class's `quantity` fields name the field if a value is no number."""
+    """Make the converters of a class's `quantity` fields name the field in errors for
+    non-numbers."""
     for name, field in list(vars(cls).items()):
         converter = field.metadata.get("converter") if isinstance(field, Field) else None
         if converter is not None and converter in (as_number, _as_optional_number):
@@ -128,9 +134,9 @@ def name_conversions(cls: type) -> None:
 
 
 def check_declared(module: eqx.Module) -> None:
-    """Check each field against its declaration.
+    """Check each field of a module against its declaration, except for values of ``None``.
 
-    **Raises:** `ValueError` that names the field, its value, the expected values and a remedy.
+    **Raises:** `ValueError` that names the field, its value, the allowed values and a remedy.
     """
     for name, declared in _declarations(type(module)):
         if (value := getattr(module, name)) is not None:
@@ -139,5 +145,5 @@ def check_declared(module: eqx.Module) -> None:
 
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
-    """Return names and declarations of the fields of a class that have a declaration."""
+    """Return name and declaration of each field of a class that has a declaration."""
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]

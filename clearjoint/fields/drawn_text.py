@@ -1,4 +1,4 @@
-"""Names and texts in the form in which matplotlib draws them."""
+"""Conversion of names and texts to the form in which matplotlib draws them literally."""
 
 from textwrap import fill
 
@@ -9,15 +9,17 @@ WIDEST_LABEL = 44
 
 
 def literal(text: str) -> str:
-    """Escape dollar signs, between which matplotlib would draw mathematics."""
+    """Return a text with dollar signs escaped, between which matplotlib would typeset
+    mathematics."""
     return text.replace("$", r"\$")
 
 
 def shown(name: str, longest: int = LONGEST_NAME) -> str:
     """Return a name as one line of at most `longest` characters, for matplotlib.
 
-    Long names keep their start and their end, in which names of parts differ most often. Legends
-    omit labels that begin with an underscore, so these names get a space of no width in front.
+    Of a long name, start and end are kept, since names of similar parts differ mostly at the end. A
+    name that begins with an underscore gets a space of zero width in front, since legends omit
+    labels that begin with an underscore.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -27,7 +29,8 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Break the label of an axis into lines of about equal length that fit beside it."""
+    """Return the label of an axis, broken into lines of about equal length if it is longer than
+    `WIDEST_LABEL` characters."""
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label

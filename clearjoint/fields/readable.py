@@ -1,4 +1,4 @@
-"""Base class of elements: checks the declarations of its fields, and prints their numbers."""
+"""Base class of elements, which checks the declarations of its fields and prints its numbers."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
@@ -15,15 +15,17 @@ from .checks import as_shown
 from .declarations import check_declared, name_conversions
 
 LONGEST = 16
-"""Number of entries up to which an array is printed; of a longer one, dtype and shape are."""
+"""Largest number of entries of an array that is printed with its entries; of a larger array, dtype
+and shape are printed."""
 
 
 class AbstractReadable(eqx.Module):
-    """A module that checks the declarations of its fields (see `quantity`), and whose `repr` shows
-    numbers and short arrays as they were given.
+    """PyTree class that checks the declarations of its fields (see `quantity`) and has a readable
+    `repr`.
 
-    Conditions on several fields are checked by `_check_together` of a subclass, after each field
-    has been checked. `_caution_together` warns about unusual combinations.
+    The `repr` shows numbers and short arrays as they were given. A subclass may define two further
+    checks, which run after each field has been checked: `_check_together` for conditions on several
+    fields, and `_caution_together` for warnings about unusual combinations.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -38,10 +40,11 @@ class AbstractReadable(eqx.Module):
             type(self)._caution_together(self)
 
     def _check_together(self) -> None:
-        """Raise a ``ValueError`` if the fields don't fit each other."""
+        """Raise a ``ValueError`` if the combination of the fields is not allowed; nothing by
+        default."""
 
     def _caution_together(self) -> None:
-        """Warn if the combination of the fields is unusual."""
+        """Issue a warning if the combination of the fields is unusual; nothing by default."""
 
     def __setattr__(self, name: str, value: object) -> None:
         try:
@@ -59,8 +62,12 @@ class AbstractReadable(eqx.Module):
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
-    """Return ``__dir__`` for a package: its names except for those of its modules; modules in
-    `public` are included."""
+    """Return a function ``__dir__`` for a package that lists its names without those of its
+    modules.
+
+    **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
+    listed all the same.
+    """
 
     def names() -> list[str]:
         return sorted(
@@ -73,7 +80,7 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
 
 
 def _plain(leaf: object) -> object:
-    """Convert a short array to a number or a list of numbers; return other leaves unchanged."""
+    """Return a short array as a number or a list of numbers, any other leaf unchanged."""
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf

@@ -16,17 +16,17 @@ ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
 in NumPy."""
 
 Single: TypeAlias = Float[Any, ""]
-"""One number."""
+"""One number, ()."""
 Triple: TypeAlias = Float[Any, "3"]
-"""The components of a point, a vector or an axis."""
+"""The components of a point, a vector or an axis, (3,)."""
 Square: TypeAlias = Float[Any, "3 3"]
-"""A matrix, by rows."""
+"""A matrix of shape (3, 3), by rows."""
 Column: TypeAlias = Float[Any, " N"]
-"""One number for each row of a table, which stays an array."""
+"""One number for each of N rows of a table, (N,), which stays an array in scalar form."""
 TableRows: TypeAlias = Float[Any, " N *components"]
-"""One or several numbers for each row of a table, which stays an array."""
+"""One or several numbers for each of N rows of a table, which stays an array in scalar form."""
 Quadruple: TypeAlias = Float[Any, "4"]
-"""Euler parameters, the scalar part first."""
+"""Euler parameters, (4,), the scalar part first."""
 
 TripleLike: TypeAlias = ArrayLike
 """Three numbers as given by the user: any sequence or array of shape (3,), which is checked."""

@@ -1,2 +1,2 @@
-"""Scalar arithmetic, independent of mechanisms: vectors, rotations, smoothing, interpolation, small
-linear systems, and groups of elements with the same structure."""
+"""Arithmetic on scalars, independent of mechanics: vectors, rotations, smoothing, interpolation,
+small linear systems, and groups of alike elements."""

@@ -1,9 +1,9 @@
-"""Groups of elements with the same structure, which are computed at once.
+"""Groups of elements of the same structure, which are computed at once.
 
-All kernels are scalar arithmetic (`clearjoint.math.vectors`), so an element whose numbers are
-arrays of shape (n,) represents n elements of the same structure. Its name is a `GroupName`.
-`by_group` converts dictionaries by name, such as the motions of bodies, to dictionaries by group,
-and `by_name` converts them back.
+All computations on elements are scalar arithmetic (`clearjoint.math.vectors`). So an element whose
+numbers are arrays of shape (n,) represents n elements of the same structure. Its name is a
+`GroupName`. `by_group` converts dictionaries by names of elements, such as motions of bodies, to
+dictionaries by names of groups, and `by_name` converts these back.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,15 +17,15 @@ from .vectors import Condition, Scalar
 
 
 class GroupName(str):
-    """The name of a group, whose `members` are the names of its elements.
+    """Name of a group of elements; `members` holds the names of the elements, in order.
 
-    It is a string that is equal for the same members, and can be used wherever names are.
+    It is a string, and can be used wherever names are. Two names with the same members are equal.
     """
 
     members: tuple[str, ...]
 
     def __new__(cls, members: Iterable[str]) -> "GroupName":
-        """Return the name of a group of elements, in this order."""
+        """Return the name of a group of elements with the given names, in this order."""
         members = tuple(members)
         name = super().__new__(cls, str(members))
         name.members = members
@@ -37,15 +37,19 @@ class GroupName(str):
 
 
 def is_structural(leaf: object) -> bool:
-    """Return whether a leaf is a Python number, which all elements of a group share. NumPy's floats
-    are not structural."""
+    """Return whether a leaf of a PyTree is a Python number, which all elements of a group have in
+    common.
+
+    NumPy's numbers are not structural.
+    """
     return type(leaf) in (int, float, bool)
 
 
 def stack(trees: Sequence[PyTree]) -> PyTree:
-    """Stack PyTrees of scalars to one PyTree of arrays of shape (n,).
+    """Return one PyTree with arrays of shape (n,), from n PyTrees of scalars with the same
+    structure.
 
-    The structure and the Python numbers are those of the first tree.
+    Leaves that are Python numbers are taken from the first tree.
     """
     first, structure = jax.tree.flatten(trees[0])
     columns = zip(*(jax.tree.leaves(tree) for tree in trees), strict=True)
@@ -62,14 +66,14 @@ def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
 
 
 def element(tree: PyTree, index: int) -> PyTree:
-    """Return one element of a group, by its index."""
+    """Return the element at an index of a group: a PyTree of scalars from arrays (..., n)."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
 def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
-    """Convert values by the names of elements to values by `names`, which may be those of groups.
+    """Return values by the given names of elements and groups, from values by names of elements.
 
-    Names without a value are omitted.
+    Values of a group are stacked to arrays (n,). Names without a value are omitted.
     """
     groups = {}
     for name in names:
@@ -82,7 +86,7 @@ def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str,
 
 
 def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Convert values by the names of groups to values by the names of elements."""
+    """Return values by names of elements, from values by names of elements and groups."""
     by_member = {}
     for name, tree in groups.items():
         if isinstance(name, GroupName):
@@ -93,10 +97,13 @@ def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
-    """Call a function, which may use arrays, once for all elements of a group by `jax.vmap`.
+    """Call a function once for all n elements of a group, by `jax.vmap`, so that it may use arrays.
 
-    Arrays of shape (n,) in the arguments have one entry for each element; scalars and Python
-    numbers are shared. Python numbers in the result stay Python numbers.
+    **Arguments:** `arguments`: PyTrees. Their arrays of shape (n,) have one entry for each element;
+    scalars and Python numbers are the same for all elements.
+
+    **Returns:** the function's result with arrays (n, ...) in place of arrays (...). Python numbers
+    in the result stay Python numbers.
     """
     leaves, structure = jax.tree.flatten(arguments)
     mapped = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
@@ -120,15 +127,18 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
 
 
 def sum_(value: Scalar) -> Scalar:
-    """Return the sum over the elements of a group; a scalar is not changed."""
+    """Return the sum over the elements of a group, () from (n,); a scalar is returned
+    unchanged."""
     return value if np.ndim(value) == 0 else jnp.sum(value)
 
 
 def min_(value: Scalar) -> Scalar:
-    """Return the minimum over the elements of a group; a scalar is not changed."""
+    """Return the minimum over the elements of a group, () from (n,); a scalar is returned
+    unchanged."""
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
 def any_(value: Condition) -> Condition:
-    """Return whether a condition holds for any element of a group; a scalar is not changed."""
+    """Return whether a condition holds for any element of a group; a scalar is returned
+    unchanged."""
     return value if np.ndim(value) == 0 else jnp.any(value)

@@ -1,7 +1,8 @@
-"""Interpolation in a step: Hermite polynomials, parabolas, and maxima of functions.
+"""Interpolation over a time step: Hermite polynomials, parabolas, roots and maxima of functions.
 
-A position x in a step runs from 0 at its start to 1 at its end. All functions are scalar arithmetic
-without loops, elementwise for arrays.
+A position x in a step is 0 at the start and 1 at the end of the step, whose length is h. All
+functions are scalar arithmetic without loops at run time, elementwise for arrays. A rate is a
+derivative by time: by x, divided by h.
 """
 
 from collections.abc import Callable
@@ -12,30 +13,34 @@ import jax.numpy as jnp
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
+"""Number of Newton steps in `hermite_root`."""
 TINY = 1e-200
-"""Coefficient of x^2 below which a parabola is a line."""
+"""Coefficient of x^2 below which a parabola counts as a straight line."""
 SECANT_STEPS = 4
+"""Number of evaluations in `secant_root`."""
 REFINEMENTS = 3
+"""Number of evaluations in `highest`."""
 MARGIN = 0.05
-"""Smallest distance of a refinement from the outer two of three points, as a part of the distance
-between these; later refinements would divide by a small number otherwise."""
+"""Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
+to the distance between these two. A smaller distance would later appear as a divisor."""
 GUESS_MARGIN = 0.1
-"""Smallest distance of a guess from the ends of the interval between two points, as a part of its
-length, if the guess is extrapolated with a third point outside the interval."""
+"""Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
+relative to its length. It is larger, because this position is extrapolated."""
 LARGEST_SHIFT = 0.25
-"""Largest correction of a parabola's vertex by a cubic, as a part of the distance between the outer
-two of the parabola's three points."""
+"""Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
+to the length of the interval."""
 
 
 class Slope(NamedTuple):
-    """A value and its rate of change."""
+    """A value and its rate at one end of a step."""
 
     value: Scalar
     rate: Scalar
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the value of the cubic Hermite interpolant at a position x in a step of length h."""
+    """Return the value at x of the cubic with given values and rates at the ends of a step of
+    length h."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -43,17 +48,18 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the rate, per unit of h, of the cubic Hermite interpolant at a position x."""
+    """Return the rate at x of the cubic with given values and rates at the ends of a step of length
+    h."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position of the root of the cubic Hermite interpolant.
+    """Return the approximate position x of the root of the cubic Hermite interpolant.
 
-    The interpolant must have opposite signs at the ends of the step, whose length is h. A few
-    Newton steps in a shrinking bracket are taken, so the root is inexact for large curvature.
+    The values at the ends must have opposite signs. A few Newton steps are taken, kept within a
+    bracket that shrinks; the result is not exact if the cubic has a large curvature.
     """
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     x = start.value / (start.value - end.value)
@@ -71,9 +77,11 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position, from 0 to 1, of the root of a function by secant steps.
+    """Return the approximate position x of a function's root in a step, by secant steps kept in [0,
+    1].
 
-    **Arguments:** `start`, `end`: values of the function at 0 and 1, of opposite signs.
+    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, of
+    opposite signs.
     """
     x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
     for _ in range(SECANT_STEPS):
@@ -85,7 +93,7 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar
 
 
 class Bend(NamedTuple):
-    """A value, its rate and its rate of second order."""
+    """A value, its rate and its second rate at one end of a step."""
 
     value: Scalar
     rate: Scalar
@@ -93,14 +101,16 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """Polynomial of fifth degree in x: coefficients, lowest power first, and length of the step."""
+    """Polynomial of fifth degree in x: six coefficients, lowest power first, and the step's length
+    h."""
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
 
     @staticmethod
     def through(start: Bend, end: Bend, h: Scalar) -> "Quintic":
-        """Return the polynomial with value, rate and second rate at both ends of a step."""
+        """Return the polynomial with the given values, rates and second rates at the ends of a
+        step."""
         a, da, dda = start.value, h * start.rate, h * h * start.second_rate
         b, db, ddb = end.value, h * end.rate, h * h * end.second_rate
         rise = b - a - da - 0.5 * dda
@@ -111,19 +121,19 @@ class Quintic(NamedTuple):
         return Quintic((a, da, 0.5 * dda, c3, c4, c5), h)
 
     def value(self, x: Scalar) -> Scalar:
-        """Return the value at x."""
+        """Return the value at position x."""
         a, da, half, c3, c4, c5 = self.coefficients
         return a + x * (da + x * (half + x * (c3 + x * (c4 + x * c5))))
 
     def rate(self, x: Scalar) -> Scalar:
-        """Return the rate at x; zero in a step of zero length."""
+        """Return the rate at position x; zero in a step of zero length."""
         _, da, half, c3, c4, c5 = self.coefficients
         slope = da + x * (2.0 * half + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
         return slope / jnp.where(self.h > 0.0, self.h, 1.0)
 
 
 class Parabola(NamedTuple):
-    """start + slope x + bend x^2 in a step."""
+    """Parabola start + slope x + bend x^2 over a step."""
 
     start: Scalar
     slope: Scalar
@@ -131,16 +141,16 @@ class Parabola(NamedTuple):
 
     @staticmethod
     def through(start: Scalar, middle: Scalar, end: Scalar) -> "Parabola":
-        """Return the parabola with the given values at 0, 1/2 and 1."""
+        """Return the parabola with the given values at x = 0, 1/2 and 1."""
         bend = 2.0 * (start - 2.0 * middle + end)
         return Parabola(start, end - start - bend, bend)
 
     def at(self, x: Scalar) -> Scalar:
-        """Return the value at x."""
+        """Return the value at position x."""
         return self.start + x * (self.slope + x * self.bend)
 
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the smallest and the largest value between a and b."""
+        """Return the smallest and the largest value for x in [a, b]."""
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
         ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
         return (
@@ -149,7 +159,8 @@ class Parabola(NamedTuple):
         )
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
-        """Return the length of the part of [a, b] in which the value is below a level."""
+        """Return the total length of the parts of [a, b] in which the value is below `level`."""
+        # A line is treated as a parabola of negligible curvature, one of whose roots is far away.
         bend = jnp.where(jnp.abs(self.bend) > TINY, self.bend, TINY)
         above = self.start - level
         squared = self.slope * self.slope - 4.0 * bend * above
@@ -159,24 +170,24 @@ class Parabola(NamedTuple):
         r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
         between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
+        # Without roots, the parabola is on one side of the level throughout.
         throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
         return jnp.where(squared > 0.0, crossing, throughout)
 
 
 class Point(NamedTuple):
-    """A position in a step and the value of a function there."""
+    """A position x in a step and a function's value there."""
 
     x: Scalar
     value: Scalar
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position of the maximum of the parabola through three points.
+    """Return the position x of the maximum of the parabola through three points, given in order of
+    x.
 
-    The position is limited to the interval from the first to the last point. If the parabola has no
-    maximum, it is the middle point's.
-
-    **Arguments:** three points with rising positions.
+    It is clipped to the interval from the first to the last point. If the parabola has no maximum,
+    the position of the middle point is returned.
     """
     left = _slope(first, middle)
     right = _slope(middle, last)
@@ -190,15 +201,17 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
 def highest_after(
     value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
 ) -> Point:
-    """Return the estimated maximum of a function between the points `first` and `last`.
+    """Estimate the maximum of a function between two points, with the help of one more point before
+    them.
 
-    The function is evaluated twice: at the maximum of the parabola through the three given points,
-    which gives a fourth point, and at the maximum of the cubic through all four points. The value
-    of the result is the largest known value of the function in the interval, as in `highest`. If an
-    inner point is the highest, the position of the result is the maximum of the parabola through it
-    and its neighbours, which is more accurate than the positions of the evaluations.
+    The function is evaluated twice: at the maximum of the parabola through the three points, and at
+    the maximum of the cubic through these and the first evaluation.
 
-    **Arguments:** three points with rising positions; `before` is outside the searched interval.
+    **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points in order of x.
+
+    **Returns:** a point. Its value is the largest one among those of the function at its points, as
+    in `highest`. Its position is the maximum of the last parabola, since that is nearer to the
+    function's maximum than the evaluated points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # Without a maximum of the extrapolated parabola the search begins in the middle.
@@ -208,18 +221,18 @@ def highest_after(
     middle = Point(guess, value_at(guess))
     refined = _cubic_vertex(before, first, middle, last)
     a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
+    # Without a peak between them, the highest point is an end, and the parabola has no maximum
+    # inside.
     is_peak = (b.value >= a.value) & (b.value >= c.value)
     top = higher(higher(first, last), b)
     return Point(jnp.where(is_peak, vertex(a, b, c), top.x), top.value)
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the approximate position of the maximum of the cubic through four points.
+    """Return the position x of the maximum of the cubic through four points, between the last
+    three.
 
-    It is one Newton step, of at most `LARGEST_SHIFT`, from the maximum of the parabola through the
-    last three points, and is limited to the interval from `first` to `last`.
-
-    **Arguments:** four points with rising positions.
+    It is found by one Newton step from the maximum of the parabola through the last three.
     """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
@@ -235,18 +248,19 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
 
 
 def _bend(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the coefficient of x^2 of the parabola through three points."""
+    """Return half the second derivative by x of the parabola through three points."""
     return (_slope(middle, last) - _slope(first, middle)) / _positive(last.x - first.x)
 
 
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """Return the estimated maximum of a function between the first and the last of three points.
+    """Estimate the maximum of a function between the first and the last of three points, in order
+    of x.
 
-    Successive parabolic interpolation (R. Brent, Algorithms for Minimization without Derivatives,
-    1973, ch. 5) evaluates the function three times. The result is the highest evaluated point, and
-    not the vertex of a parabola, which would be too high at a kink.
+    Takes `REFINEMENTS` evaluations by successive parabolic interpolation (R. Brent, Algorithms for
+    Minimization without Derivatives, 1973, ch. 5). The value is one of the function's own, because
+    the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # No refinement follows the last one, which needs no distance from the others.
@@ -259,10 +273,9 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return the higher of two inner points between its two neighbours.
+    """Return three neighbouring points, in order of x, around the higher of the two inner ones.
 
-    **Arguments:** `first`, `middle`, `last`: points with rising positions; `new`: a further point
-    between `first` and `last`. The inner points are `middle` and `new`.
+    The inner points are `middle` and `new`, which lies between `first` and `last`.
     """
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
@@ -275,7 +288,7 @@ def _nearest_three(
 
 
 def higher(one: Point, other: Point) -> Point:
-    """Return the point with the larger value."""
+    """Return the point with the larger value; at equal values `one`."""
     return _either(other.value > one.value, other, one)
 
 

@@ -1,8 +1,8 @@
-"""Solution of symmetric positive semidefinite systems.
+"""Solvers for symmetric positive semidefinite systems of linear equations.
 
 Small systems are rows of scalars and are solved by unrolled scalar arithmetic, which is fast in a
-stepping loop. Unrolled code, and its compile time, grow with the cube of the size (over a minute
-for 30 rows), so larger systems are arrays that LAPACK solves.
+stepping loop. The amount of unrolled code, and its compile time, grow with the cube of the number
+of rows (over a minute for 30 rows). Larger systems are therefore arrays, which LAPACK solves.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,16 @@ import jax.scipy.linalg
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
 LARGEST_UNROLLED = 12
-"""Largest number of rows of a system that is unrolled."""
+"""Largest number of rows of a system that is solved by unrolled arithmetic."""
 Rows = Sequence[Sequence[Scalar]]
 
 
 class UnrolledFactorisation:
-    """L D L^T factorisation of a symmetric positive definite matrix, given by its lower triangle.
+    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic.
 
-    Entries that are Python zeros are structural: operations on them are omitted, except for
-    fill-in, so a sparse matrix is factorised sparsely.
+    `matrix` has n rows; only the entries of its lower triangle are read. Entries that are the
+    Python number zero are structural: operations on them are omitted, so a sparse matrix stays
+    sparse except for fill-in.
     """
 
     def __init__(self, matrix: Rows):
@@ -44,7 +45,7 @@ class UnrolledFactorisation:
         return start
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return x with matrix x = right."""
+        """Return the solution x, (n,), of matrix x = right."""
         n = len(right)
         z: list[Scalar] = []
         for i in range(n):
@@ -57,10 +58,11 @@ class UnrolledFactorisation:
 
 
 class OrderedFactorisation:
-    """`UnrolledFactorisation` of a sparse matrix, in an order with little fill-in.
+    """`UnrolledFactorisation` of a sparse matrix with its unknowns in an order that causes little
+    fill-in.
 
-    The next unknown to eliminate is one with the fewest remaining unknowns in its row (W. F.
-    Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
+    The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
+    (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
     """
 
     def __init__(self, matrix: Rows):
@@ -69,7 +71,8 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return x with matrix x = right."""
+        """Return the solution x, (n,), of matrix x = right, in the original order of the
+        unknowns."""
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
@@ -94,18 +97,23 @@ def _least_degree_order(matrix: Rows) -> list[int]:
 
 
 class AbstractSolver:
-    """Solver of matrix x = right, for rows of scalars and for arrays."""
+    """Base class of solvers for matrix x = right, with rows of scalars or with arrays."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return a row of the matrix's factor without rounding errors; unchanged by default."""
+        """Return the row with entries that are rounding errors replaced by zero; unchanged by
+        default.
+
+        `row` is a row of D, where the matrix is D M^-1 D^T.
+        """
         return list(row)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Solve for a matrix given by the rows of its lower triangle."""
+        """Return the solution as n scalars, for a matrix given by the rows of its lower
+        triangle."""
         raise NotImplementedError
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Solve for arrays of shapes (n, n) and (n,)."""
+        """Return the solution, (n,), for arrays `matrix`, (n, n), and `right`, (n,)."""
         raise NotImplementedError
 
 
@@ -113,43 +121,48 @@ class Exact(AbstractSolver):
     """Direct solver, for regular matrices only."""
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Solve by an L D L^T factorisation in scalar arithmetic."""
+        """Return the solution by an L D L^T factorisation in scalar arithmetic."""
         return UnrolledFactorisation(matrix).solve(right)
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Solve by a Cholesky factorisation of LAPACK."""
+        """Return the solution by a Cholesky factorisation of LAPACK."""
         return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
 
 
 class LeastNorm(AbstractSolver):
-    """Solver for the solution of least norm of a singular but consistent system.
+    """Solver that returns the solution of least norm of a singular but consistent system S x = b.
 
-    The proximal iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and
-    converges to the solution of least norm by a factor eps/(eps + sigma) in each sweep (E. Bayo, A.
-    Avello, Singularity-free augmented Lagrangian algorithms, 1994). Unlike an eigenvalue
-    decomposition it can be differentiated where eigenvalues coincide.
+    The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges
+    to the solution of least norm. Each sweep reduces the error by a factor eps/(eps + sigma), where
+    sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free augmented
+    Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, the iteration can be
+    differentiated where eigenvalues coincide.
+
+    - `relative_shift`: eps relative to the mean of the diagonal of S.
+    - `sweeps`: number of iterations.
     """
 
     relative_shift = 1e-8
     sweeps = 3
     rounding = 1e-12
-    """Magnitude up to which an entry of a row (of a unit direction, or an arm in m) is a rounding
-    error. A row that the coordinates satisfy identically consists of rounding errors, and would
-    make the solution arbitrary."""
+    """Largest magnitude of an entry of a row of D (components of unit vectors, or of arms in m)
+    that counts as a rounding error. A row that the coordinates satisfy identically consists of such
+    errors and would make the solution arbitrary."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return the row with zeros for entries that are rounding errors."""
+        """Return the row with zeros in place of entries that are rounding errors."""
         return [
             entry if is_zero(entry) else jnp.where(jnp.abs(entry) > self.rounding, entry, 0.0)
             for entry in row
         ]
 
     def _shift(self, trace: Scalar, n: int) -> Scalar:
-        """Return eps, relative to the mean of the diagonal; one for a matrix of zeros."""
+        """Return eps for a matrix with n rows and a given trace; one for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Solve by an L D L^T factorisation of the shifted matrix."""
+        """Return the solution by an L D L^T factorisation of the shifted matrix in scalar
+        arithmetic."""
         trace: Scalar = 0.0
         for i in range(len(matrix)):
             trace = add(trace, matrix[i][i])
@@ -165,7 +178,7 @@ class LeastNorm(AbstractSolver):
         return x
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Solve by a Cholesky factorisation of the shifted matrix."""
+        """Return the solution by a Cholesky factorisation of the shifted matrix."""
         n = matrix.shape[0]
         shift = self._shift(jnp.trace(matrix), n)
         factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
@@ -176,7 +189,7 @@ class LeastNorm(AbstractSolver):
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    """Return the inner product of two rows of scalars."""
+    """Return the inner product of two lists of n scalars."""
     total: Scalar = 0.0
     for a, b in zip(first, second, strict=True):
         total = add(total, multiply(a, b))
@@ -184,6 +197,7 @@ def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
-    """Return the product of a symmetric matrix, given by its lower triangle, with a vector."""
+    """Return the product, (n,), of a symmetric matrix, given by its lower triangle, and a vector
+    (n,)."""
     n = len(vector)
     return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

@@ -1,4 +1,5 @@
-"""Rotation vectors: axis times angle, for rotations by less than half a revolution."""
+"""Rotation vectors (axis times angle) for rotations by less than half a revolution, and their
+rates."""
 
 from typing import NamedTuple
 
@@ -7,41 +8,48 @@ import jax.numpy as jnp
 from .vectors import Matrix, Scalar, Vector
 
 SMALL = 1e-4
-"""Squared sine up to which `_angle_over_sine` is computed by a series, and a hundredth of the
-squared angle up to which `_curvature` is. The errors of the series are below rounding."""
+"""Squared sine up to which `_angle_over_sine` is computed by a series. `_curvature` uses a series
+up to 100 times this number, as a squared angle. The errors of both series are below rounding."""
 TINY = 1e-200
 """Squared sine that counts as zero."""
 
 
 class RotationVector(NamedTuple):
-    """Rotation vector: axis times angle (0 to pi), rad.
+    """Rotation vector of a frame relative to a fixed frame.
 
-    `factor`: coefficient of the double vector product with it in `rate`.
+    - `vector`: axis times angle, rad, with an angle from 0 to pi.
+    - `factor`: coefficient of the double vector product in `rate` and `torque`.
     """
 
     vector: Vector
     factor: Scalar
 
     def rate(self, spin: Vector) -> Vector:
-        """Return the rate of the vector, rad/s: the inverse left Jacobian of the exponential map.
+        """Return the time derivative of the rotation vector, rad/s.
 
-        `spin`: angular velocity of the rotated frame relative to the fixed frame, in axes of the
-        latter, rad/s.
+        This is the product of the inverse left Jacobian of the exponential map and `spin`, the
+        angular velocity of the rotated frame relative to the fixed frame, rad/s, in axes of the
+        fixed frame.
         """
         product = self.vector.cross(spin)
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
-        """Return the torque, N m in fixed axes, with the same power as a moment conjugate to the
-        vector's rate; its matrix is the transpose of that in `rate`."""
+        """Return the torque, N m in axes of the fixed frame, of a moment conjugate to the vector's
+        rate.
+
+        Both have the same power, ``moment . rate = torque . spin``, so the matrix of this map is
+        the transpose of that in `rate`.
+        """
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
-    """Return the rotation vector of a rotation matrix.
+    """Return the rotation vector of a rotation matrix that maps rotated axes to fixed ones.
 
-    At half a revolution the vector jumps to its opposite and has no direction; zero is returned.
+    At exactly half a revolution, where the vector jumps to its opposite and the direction is
+    undefined, the vector is zero.
     """
     x, y, z = rotation.row_x, rotation.row_y, rotation.row_z
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
@@ -54,7 +62,10 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle of 0 to pi divided by its sine; one at zero, and finite at pi."""
+    """Return an angle divided by its sine: one at zero, finite at pi.
+
+    The angle, from 0 to pi, is given by its cosine and its squared sine.
+    """
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)

@@ -1,4 +1,4 @@
-"""Euler parameters, rotation matrices and frames about an axis."""
+"""Euler parameters, rotation matrices, angles, and frames about an axis."""
 
 import math
 
@@ -23,8 +23,8 @@ def squared_norm(p: EulerParameters) -> Scalar:
 def rotation_matrix(p: EulerParameters) -> Matrix:
     """Return the matrix that transforms body components to global ones.
 
-    The parameters are divided by their norm, so that the matrix is orthogonal although rounding and
-    integration errors change the norm; no constraint on the norm is needed.
+    The Euler parameters are divided by their norm. So the matrix is orthogonal although rounding
+    and integration errors change the norm, and no constraint on the norm is needed.
 
     >>> half = 0.5**0.5  # a quarter of a revolution about z
     >>> matrix = extend.rotation_matrix(extend.EulerParameters(half, 0.0, 0.0, half))
@@ -44,7 +44,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
 
 def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
-    """Return the rates of Euler parameters for an angular velocity in body axes, rad/s."""
+    """Return the time derivatives of Euler parameters, 1/s, for a spin in body axes, rad/s."""
     a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
     return EulerParameters(
         -(p.e1 * a + p.e2 * b + p.e3 * c),
@@ -55,7 +55,9 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Return Euler parameters, of unit norm, after a small rotation (vector in body axes, rad).
+    """Return the Euler parameters after a further small rotation, normalised.
+
+    `angle` is the rotation vector in body axes, rad; the result is correct to first order.
 
     >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
     >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))
@@ -68,20 +70,20 @@ def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
 
 
 def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
-    """Return Euler parameters of the rotation q followed by p: the product of quaternions."""
+    """Return the Euler parameters of the rotation q followed by p: the quaternion product p q."""
     v, w = Vector(p.e1, p.e2, p.e3), Vector(q.e1, q.e2, q.e3)
     u = w * p.e0 + v * q.e0 + v.cross(w)
     return EulerParameters(subtract(multiply(p.e0, q.e0), v.dot(w)), u.x, u.y, u.z)
 
 
 def conjugate(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters of the inverse rotation."""
+    """Return the Euler parameters of the inverse rotation, if those of `p` have unit norm."""
     v = -Vector(p.e1, p.e2, p.e3)
     return EulerParameters(p.e0, v.x, v.y, v.z)
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Scale Euler parameters to unit norm.
+    """Return Euler parameters divided by their norm.
 
     >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
     >>> print(f"{p.e0:.1f}")
@@ -92,15 +94,16 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 
 NORM_DRIFT = 1e-6
-"""Error of the squared norm of Euler parameters up to which `kept_unit` does not change them."""
+"""Error of the squared norm of Euler parameters up to which `kept_unit` leaves them unchanged."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
-    """Correct the norm of Euler parameters at the end of a step, if its error exceeds `NORM_DRIFT`.
+    """Return Euler parameters of unit norm, if the error of their squared norm exceeds
+    `NORM_DRIFT`; otherwise return them unchanged.
 
     The rotation does not depend on the norm, but the error control of a step does. Each step
     changes the norm slightly in the same direction, without bound over millions of steps: for a
-    spinning top it is 1.6 after 24 h at rtol 1e-4, and 1e40 at rtol 1e-3.
+    spinning top, the norm is 1.6 after 24 h at a relative tolerance of 1e-4, and 1e40 at 1e-3.
     """
     squared = squared_norm(p)
     drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
@@ -110,10 +113,11 @@ def kept_unit(p: EulerParameters) -> EulerParameters:
 
 
 def within_two_turns(angle: Scalar) -> Scalar:
-    """Return the angle, rad, less multiples of 4 pi; an angle in (-2 pi, 2 pi) is not changed.
+    """Return an angle minus the nearest multiple of 4 pi, in rad; in (-2 pi, 2 pi) it is not
+    changed.
 
-    Two revolutions restore the Euler parameters with their sign. An angle that grows with every
-    revolution would lose digits, and relative tolerances of errors would grow with it.
+    Two revolutions restore the Euler parameters including their sign. An angle that grew with every
+    revolution would lose digits, and the errors that relative tolerances allow would grow with it.
 
     >>> print(f"{extend.within_two_turns(5.0 * np.pi) / np.pi:.1f}")  # half a revolution
     1.0
@@ -122,7 +126,7 @@ def within_two_turns(angle: Scalar) -> Scalar:
 
 
 def unit(vector: Vector) -> Vector:
-    """Scale a vector, which must not be zero, to length one.
+    """Return a vector, which must not be zero, scaled to length one.
 
     >>> direction = extend.unit(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{direction.x:.1f}, {direction.y:.1f}")
@@ -132,10 +136,10 @@ def unit(vector: Vector) -> Vector:
 
 
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors that complete a unit axis to a right-handed frame.
+    """Return two unit vectors that, followed by the unit vector `axis`, form a right-handed frame.
 
-    The formula is regular for every axis (T. Duff et al., Building an orthonormal basis, revisited,
-    2017). For the z axis the vectors are those of x and y.
+    The formula has no singular axis (T. Duff et al., Building an orthonormal basis, revisited,
+    2017). For the z axis, the vectors are the unit vectors of x and y.
     """
     sign = _sign(axis.z)
     a = -1.0 / (sign + axis.z)
@@ -146,7 +150,7 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 def _sign(a: Scalar) -> Scalar:
-    """Return 1 for positive numbers and zero, else -1; a Python number for a Python number."""
+    """Return 1 for a positive number or zero, else -1; a Python number for a Python number."""
     if isinstance(a, int | float):
         return 1.0 if a >= 0.0 else -1.0
     return jnp.where(a >= 0.0, 1.0, -1.0)

@@ -1,8 +1,8 @@
 """Norms, ramps and powers whose values and derivatives are finite everywhere.
 
-At kinks: a power of a negative number and its derivative are zero; the direction of a zero vector
-and the derivative of its norm are zero; a ramp of width w > 0 has a continuous derivative, and one
-of width ``None`` is the exact positive part.
+At kinks the following values hold. A power of a negative number and its derivative are zero. The
+direction of a zero vector and the derivative of its norm are zero. A ramp of width w > 0 has a
+continuous derivative, and a ramp of width ``None`` is exactly max(x, 0).
 """
 
 import jax.numpy as jnp
@@ -11,12 +11,13 @@ from .functions import where
 from .vectors import Scalar, Vector, square_root
 
 _TINY = 1e-200
+"""Square of a vector's norm up to which the vector counts as zero."""
 
 
 def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
-    """Return max(x, 0) to a power of at least one.
+    """Return max(x, 0)^exponent, for an exponent of at least one.
 
-    If the exponent is the Python number 1.5 or 1, the slow general power is avoided.
+    If the exponent is the Python number 1.5 or 1, the slow general power is not used.
 
     >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
     8.0, 0.0
@@ -31,7 +32,9 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
 
 
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
-    """Return norm and direction of a vector; for the zero vector, zeros with zero derivatives.
+    """Return the norm of a vector, and the unit vector in its direction.
+
+    For the zero vector, both are zero, with zero derivatives.
 
     >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")
@@ -45,9 +48,11 @@ def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
 
 
 def ramp(x: Scalar, width: Scalar | None) -> Scalar:
-    r"""Return max(x, 0), or with a width w its smooth approximation, which differs for -w < x < w:
+    r"""Return max(x, 0), or a smooth approximation to it if a width w > 0 is given.
 
-    $$\frac{(x + w)^2}{4 w}, \quad -w < x < w$$
+    The approximation differs from max(x, 0) only for -w < x < w, where it is
+
+    $$\frac{(x + w)^2}{4 w}$$
 
     >>> print(f"{extend.ramp(0.0, 1e-6):.2e}, {extend.ramp(2e-6, 1e-6):.2e}")  # w/4, x
     2.50e-07, 2.00e-06

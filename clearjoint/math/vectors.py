@@ -1,13 +1,14 @@
 """Vectors and 3x3 matrices whose components are separate scalars.
 
 Scalars are faster than arrays here. XLA's CPU compiler compiles a stepping loop to one function if
-its body is elementwise arithmetic on scalars; a `stack`, a `dot` or a concatenation would launch a
-kernel each, which would take most of the time of a run. ``vmap`` adds lanes to the same code.
+the loop's body is elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would
+each launch a kernel, and launching them would take most of the time of a run. ``vmap`` adds lanes
+to the same code.
 
 A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
-tracing, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds these
-components in the numbers of a scene, for example of an axis (1, 0, 0). A program is then compiled
-for each pattern of zeros and ones, and not for each number.
+JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such
+components in the numbers of a scene, for example in an axis (1, 0, 0). A program is then compiled
+for each pattern of zeros and ones, not for each value of a number.
 """
 
 import math
@@ -26,13 +27,13 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = float | jax.Array
-"""A number: a float, Python's or numpy's, or a JAX array of shape ().
+"""A number: a float of Python or NumPy, or a JAX array of shape (), in groups (n,).
 
 >>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
 ...     return 1.0 + depth
 """
 Condition: TypeAlias = bool | jax.Array
-"""True or false: a bool, or a JAX array of booleans of shape ()."""
+"""A truth value: a Python bool, or a boolean JAX array of shape (), in groups (n,)."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -40,21 +41,22 @@ def _is(value: Scalar, number: float) -> bool:
 
 
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:
-    """Return whether JAX traces both numbers, with the same shape and dtype.
+    """Return whether both numbers are JAX tracers of the same shape and dtype.
 
-    An operation is then its primitive without conversions, which traces in a quarter of the time of
-    the operator.
+    If so, an operation needs no conversions, and its primitive can be called directly, which traces
+    in a quarter of the operator's time.
     """
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def is_zero(a: Scalar) -> bool:
-    """Return whether a number is a structural zero."""
+    """Return whether a number is a structural zero: a Python number (or NumPy float64) equal to
+    zero."""
     return _is(a, 0)
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b, without an operation for a structural zero."""
+    """Return a + b; if either is a structural zero, return the other without an operation."""
     if _is(a, 0):
         return b
     if _is(b, 0):
@@ -63,7 +65,8 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, without an operation for a structural zero or for one number and itself."""
+    """Return a - b, without a subtraction if either is a structural zero, or if both are one
+    object."""
     if a is b:
         return 0.0
     if _is(b, 0):
@@ -74,7 +77,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b, without an operation for a structural zero or one."""
+    """Return a * b, without an operation if either is a structural zero or one."""
     if _is(a, 0) or _is(b, 0):
         return 0.0
     if _is(a, 1):
@@ -85,14 +88,14 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
 
 
 def square_root(a: Scalar) -> Scalar:
-    """Return the square root, of the type of the argument: Python's, NumPy's or JAX's."""
+    """Return the square root, as a number of Python, NumPy or JAX like the argument."""
     return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Vector:
-    """A vector of three scalar components.
+    """Vector of three scalar components `x`, `y` and `z`.
 
     >>> force, arm = extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)
     >>> arm.cross(force).z, arm.dot(force)
@@ -137,14 +140,14 @@ class Vector:
         )
 
     def componentwise_product(self, other: "Vector") -> "Vector":
-        """Return the vector of products of components."""
+        """Return the vector (x1 x2, y1 y2, z1 z2)."""
         return Vector(
             multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
         )
 
 
 ZERO = Vector(0.0, 0.0, 0.0)
-"""The zero vector, whose components are structural.
+"""The zero vector, whose components are structural zeros.
 
 >>> extend.ZERO + extend.UNIT_X
 Vector(x=1.0, y=0.0, z=0.0)
@@ -172,7 +175,7 @@ Vector(x=0.0, y=0.0, z=2.0)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """A 3x3 matrix, given by its rows.
+    """3x3 matrix, given by its three rows.
 
     >>> matrix = extend.Matrix(extend.UNIT_Y, -extend.UNIT_X, extend.UNIT_Z)
     >>> matrix @ extend.Vector(1.0, 2.0, 3.0)
@@ -199,23 +202,23 @@ class Matrix:
         return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
 
     def transposed_times(self, vector: Vector) -> Vector:
-        """Return the product of the transposed matrix with a vector."""
+        """Return the product of the transposed matrix and a vector."""
         return self.row_x * vector.x + self.row_y * vector.y + self.row_z * vector.z
 
     @property
     def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
-        """The transposed matrix: its rows are the columns."""
+        """The transposed matrix."""
         x, y, z = self.row_x, self.row_y, self.row_z
         return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
-        """Return the matrix minus the outer product of a column and a row."""
+        """Return the matrix minus the outer product of `column` and `row`."""
         return Matrix(
             self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
         )
 
     def inverse(self) -> "Matrix":
-        """Return the inverse, computed by the adjugate."""
+        """Return the inverse of a regular matrix, computed from its cofactors."""
         x, y, z = self.row_x, self.row_y, self.row_z
         columns = Matrix(y.cross(z), z.cross(x), x.cross(y))
         scale = 1.0 / x.dot(columns.row_x)
@@ -235,7 +238,7 @@ NOTHING = Matrix(ZERO, ZERO, ZERO)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class EulerParameters:
-    """A unit quaternion, scalar part first, that transforms body components to global ones.
+    """Unit quaternion, scalar part `e0` first, that transforms body components to global ones.
 
     >>> extend.rotation_matrix(extend.EulerParameters(1.0, 0.0, 0.0, 0.0)).row_x
     Vector(x=1.0, y=0.0, z=0.0)
@@ -249,15 +252,19 @@ class EulerParameters:
 
 _KINDS = (Vector, EulerParameters, Matrix)
 Pattern: TypeAlias = tuple[float | None, ...] | None
+"""Structural components of an array: for each component 0.0, 1.0 or ``None`` if it is not
+structural. ``None`` for the whole pattern stands for an array without structural components."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ConstantFolded:
-    """A PyTree of numbers with the structural components of its vectors and matrices.
+    """PyTree of numbers, with a list of the structural components of its vectors and matrices.
 
-    `patterns`: for each leaf ``None``, or a tuple with an entry for each component: 0.0 or 1.0 if
-    it is structural, else ``None``.
+    - `tree`: numbers and arrays.
+    - `patterns`: for each leaf of `tree`, in JAX's order, a tuple with one entry for each component
+      (row by row for a matrix): 0.0 or 1.0 if the component is structural, else ``None``. The entry
+      of a leaf that is no vector or matrix is ``None``.
     """
 
     tree: PyTree
@@ -265,14 +272,16 @@ class ConstantFolded:
 
 
 def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
-    """Mark exact zeros and ones in vectors and matrices of a tree as structural.
+    """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
-    Traced leaves are not marked, nor are leaves that are true in the tree of booleans `varied`.
+    **Arguments:** `varied`: a PyTree of the same structure with a boolean for each leaf. Leaves
+    that are true here are not marked, nor are tracers, nor leaves in fields declared as tables.
     """
     leaves, structure = jax.tree.flatten(tree)
     tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
+    # Tables keep their arrays in scalar form, so they have no components to fold.
     return ConstantFolded(
         tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
@@ -280,8 +289,10 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Return for each leaf whether it is in a field declared as a table, by ``{"table": True}`` in
-    the field's metadata."""
+    """Return, for each leaf, whether it is in a field declared as a table.
+
+    Such a field has ``{"table": True}`` in its metadata.
+    """
     tree = jax.tree.unflatten(structure, [0] * structure.num_leaves)
     paths, _ = jax.tree_util.tree_flatten_with_path(tree)
     return [_is_in_table(tree, path) for path, _ in paths]
@@ -324,11 +335,13 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
 
 
 def unpack(tree: PyTree, leading: int = 0) -> PyTree:
-    """Replace each array of shape (3,), (4,) or (3, 3) in a PyTree by its scalar form.
+    """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by its scalar form.
 
-    If all arrays have `leading` additional axes in front, the scalars are arrays with these axes.
-    Structural components of a `ConstantFolded` tree become Python numbers. Fields that are declared
-    as tables keep their arrays.
+    The scalar forms are `Vector`, `EulerParameters` and `Matrix`. Structural components of a
+    `ConstantFolded` tree become Python numbers. Fields declared as tables keep their arrays.
+
+    **Arguments:** `leading`: number of further axes that all arrays have in front. The scalars are
+    then arrays with these axes.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
@@ -355,12 +368,16 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """Return NumPy for numbers of NumPy and Python, for which nothing is compiled, else JAX's."""
+    """Return the module ``numpy`` if all numbers are of NumPy or Python, so that nothing is
+    compiled for them, else ``jax.numpy``."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
 def pack(tree: PyTree) -> PyTree:
-    """Invert `unpack`; leading axes of the components stay in front.
+    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by one array: the inverse
+    of `unpack`.
+
+    If components are arrays, their axes stay in front.
 
     >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
     array([1., 2., 3.])

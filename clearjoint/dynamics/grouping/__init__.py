@@ -1,1 +1,2 @@
-"""Groups of elements with the same structure in a scene, and coordinates for grouped scenes."""
+"""Groups of alike elements of a scene, which are computed as arrays, and coordinates for such
+scenes."""

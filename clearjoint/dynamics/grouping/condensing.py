@@ -1,14 +1,15 @@
-"""Group elements with the same structure, so that cost grows slowly with their number.
+"""Grouping of alike elements of a scene, so that cost grows slowly with their number.
 
-Written out, each element costs machine code: the stepping loop of a chain of 16 rods exceeds the
-caches and takes minutes to compile. The elements of a group share code and are computed as arrays,
-by the processor's vector units.
+If each element were written out in the compiled program, each would cost machine code: the stepping
+loop of a chain of 16 rods exceeds the processor's caches and takes minutes to compile. The elements
+of a group share code, and are computed as arrays by the processor's vector units.
 
 Bodies form a group if they move freely (no ideal joint and no `Anchor`) and their numbers have the
-same pattern of structural zeros and ones. Clearance joints form a group if they differ only in
-numbers and names of bodies, and if for all of them the first body is the same or in the same group,
-and likewise the second. A run keeps the state of a group as arrays; names are split at its start
-and end. Groups are formed while tracing, from names and structure.
+same pattern of structural zeros and ones. Clearance joints form a group under two conditions: they
+differ only in numbers and in names of bodies, and the first bodies of all of them are the same body
+or are in the same group, as are the second bodies. A run keeps the state of a group as arrays,
+which are made at its start and split by names at its end. Groups are found while JAX traces, from
+names and structure alone.
 """
 
 import copy
@@ -29,21 +30,25 @@ from ...model.joints.base import AbstractContactJoint
 from ...model.scene import Scene
 
 SMALLEST = 4
-"""Smallest number of elements of a group."""
+"""Smallest number of elements that form a group."""
 T = TypeVar("T")
 
 ROLES = ("the first body", "the second body")
-"""Names that replace those of a joint's bodies when joints are compared."""
+"""Names that replace those of a joint's first and second body when joints are compared."""
 
 
 def condensed(scene: Scene) -> Scene:
-    """Return the scene, in scalar form, with its groups under `GroupName` names."""
+    """Return a scene in scalar form with its alike elements replaced by groups.
+
+    Keys of the groups in ``bodies`` and ``joints`` are `GroupName`s.
+    """
     order, constrained, contacts = _order(scene), _constrained_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in constrained}
     bodies = {
         GroupName(names): stack([scene.bodies[name] for name in names])
         for names in _groups_of(free)
     }
+    # Bodies are grouped first, since joints can share a group only if their bodies do.
     group_of = {member: group for group in bodies for member in group.members}
     structures = {
         name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
@@ -60,7 +65,7 @@ def condensed(scene: Scene) -> Scene:
 
 
 def whole(scene: Scene) -> Scene:
-    """Return the original scene of a condensed one."""
+    """Return the scene from which `condensed` made the given one, with single elements."""
     joints = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, GroupedContactJoint):
@@ -72,7 +77,7 @@ def whole(scene: Scene) -> Scene:
 
 
 def groups(scene: Scene) -> list[GroupName]:
-    """Return the names of the groups of bodies and joints of a condensed scene."""
+    """Return the names of the groups of bodies, then of joints, in a condensed scene."""
     return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, GroupName)]
 
 
@@ -83,7 +88,10 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
 
 
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
-    """Return joints with the same structure as one joint whose numbers are arrays."""
+    """Return one joint for a group of n joints, whose numbers are arrays (n,).
+
+    The names of its two bodies are those of groups of bodies, or that of the ground.
+    """
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(
         stack([_renamed(joint, joints[0].pair()) for joint in joints]),
@@ -109,9 +117,10 @@ def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Return a key that is equal for trees whose scalars can be stacked.
+    """Return a hashable key that is equal for PyTrees whose scalars can be stacked to arrays.
 
-    Return ``None`` if a leaf is no scalar.
+    Such trees have the same structure and the same structural numbers. Return ``None`` if a leaf is
+    no scalar.
     """
     leaves, structure = jax.tree.flatten(tree)
     parts = []
@@ -126,9 +135,9 @@ def _structure(tree: PyTree) -> Hashable | None:
 
 
 def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
-    """Return a key that is equal for joints of one group.
+    """Return a hashable key that is equal for joints that can form a group.
 
-    Return ``None`` if the joint cannot be grouped.
+    Return ``None`` if the joint cannot be grouped. `group_of` gives the group of each grouped body.
     """
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
@@ -138,20 +147,21 @@ def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupNa
     # If renaming does not change the pair, the joint does not take the names from its fields.
     if structure is None or anonymous.pair() != _roles(joint, ROLES):
         return None
+    # Joints of a group share their bodies' groups, so that motions are taken from one array each.
     return structure, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
 
 
 def _roles(joint: AbstractContactJoint, names: tuple[str, str]) -> tuple[str, ...]:
-    """Return `names` for the joint's bodies, except that the ground keeps its name."""
+    """Return `names` for the joint's two bodies, where the ground keeps its own name."""
     return tuple(
         GROUND if name == GROUND else role for name, role in zip(joint.pair(), names, strict=True)
     )
 
 
 def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractContactJoint:
-    """Return the joint with the names of its bodies replaced, except the ground's.
+    """Return a copy of a joint with the names of its two bodies replaced, except the ground's.
 
-    The checks of its class do not run, since its numbers are in scalar form.
+    The checks at construction do not run, since they do not accept numbers in scalar form.
     """
     new_names = dict(zip(joint.pair(), _roles(joint, names), strict=True))
     renamed = copy.copy(joint)
@@ -168,11 +178,13 @@ def _has_rows(joint: AbstractContactJoint) -> bool:
     vector = Vector(number, number, number)
     motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
     motions = {**dict.fromkeys(joint.body_names(), motion), GROUND: GROUND_MOTION}
+    # Only the structure of the rows matters, so they are evaluated without arithmetic.
     return bool(jax.eval_shape(lambda: joint.rows(motions, number)))
 
 
 def _constrained_bodies(scene: Scene) -> set[str]:
-    """Return the bodies with constraint rows or an anchor."""
+    """Return the names of bodies that have constraint rows or an anchor, and so cannot be
+    grouped."""
     contacts = scene.contact_joints()
     return {
         body
@@ -183,10 +195,11 @@ def _constrained_bodies(scene: Scene) -> set[str]:
 
 
 def _order(scene: Scene) -> dict[str, int]:
-    """Return the index of each body in an order in which neighbours in a chain are consecutive.
+    """Return the index of each body, by name, in an order in which neighbours in a chain are
+    consecutive.
 
-    The first bodies of a group of joints, and their second bodies, are then slices of a group of
-    bodies, which are cheaper than gathers.
+    In this order, the first bodies of a group of joints, and their second bodies, are slices of a
+    group of bodies. Slices are cheaper than gathers.
     """
     neighbours: dict[str, list[str]] = {name: [] for name in (GROUND, *scene.bodies)}
     for joint in scene.contact_joints().values():
@@ -206,7 +219,7 @@ def _order(scene: Scene) -> dict[str, int]:
 def _by_bodies(
     joints: Mapping[str, AbstractContactJoint], order: Mapping[str, int]
 ) -> Iterable[str]:
-    """Return the joints' names in the order of their bodies."""
+    """Return the names of the joints, sorted by the indices of their bodies in `order`."""
 
     def key(name: str) -> tuple[int, ...]:
         return tuple(sorted((order.get(body, -1) for body in joints[name].pair()), reverse=True))

@@ -1,7 +1,8 @@
-"""Coordinates of a condensed scene: absolute ones for groups of bodies, any others for the rest.
+"""Coordinates of a condensed scene: absolute ones for groups of bodies, any others for single
+bodies.
 
 A free body has the same variables in all coordinates, and its equations take the least arithmetic
-in absolute ones.
+in absolute coordinates.
 """
 
 from collections.abc import Callable, Iterable
@@ -32,55 +33,62 @@ from .condensing import condensed, groups
 T = TypeVar("T")
 
 GroupedVariables: TypeAlias = tuple[MotionVariables, dict[str, BodyState]]
-"""Variables of the rest of the scene, and states of each group of bodies."""
+"""Variables of the single bodies, and for each group of bodies a `BodyState` of arrays, by its
+name."""
 
 
 class GroupedCoordinates(AbstractCoordinates):
-    """Coordinates of a condensed scene; `rest` are those of its single bodies.
+    """Coordinates of a condensed scene, where `rest` are the coordinates of its single bodies.
 
-    `encode` takes states by names of bodies; `decode` returns them by names of a condensed scene.
+    The states given to `encode` are by names of single bodies. The states from `decode` are by the
+    names of the condensed scene, which include those of groups.
     """
 
     rest: AbstractCoordinates
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the joints that the coordinates of the rest eliminate."""
+        """Return the names of the ideal joints that `rest` eliminates."""
         return self.rest.eliminated(_rest(scene))
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> GroupedVariables:
-        """Return the variables of the rest, and the states of the groups."""
+        """Return the variables of the single bodies, and the states of the groups by name."""
         rest = {name: bodies[name] for name in _rest(scene).bodies}
         return self.rest.encode(_rest(scene), rest), by_group(bodies, _groups(scene).bodies)
 
     def decode(self, scene: Scene, variables: GroupedVariables) -> dict[str, BodyState]:
-        """Return the states of the rest and of the groups."""
+        """Return the states of single bodies and of groups, by name."""
         return self.rest.decode(_rest(scene), variables[0]) | variables[1]
 
     def motions(self, scene: Scene, variables: GroupedVariables) -> Motions:
-        """Return the motions, also by the names of grouped bodies."""
+        """Return pose and twist by names of single bodies, groups, members of groups, and
+        "ground"."""
         rest = self.rest.motions(_rest(scene), variables[0])
         groups = AbsoluteCoordinates().motions(_groups(scene), variables[1])
         return GroupedMotions({**rest, **groups})
 
     def mechanics(self, scene: Scene, variables: GroupedVariables) -> "GroupedMechanics":
-        """Return the equations of motion of both parts."""
+        """Return the equations of motion of the single bodies and the groups."""
         return GroupedMechanics(self.rest, scene, variables)
 
     def without_drift(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
-        """Return the variables of both parts, normalised."""
+        """Return normalised variables of the same motion."""
         groups = AbsoluteCoordinates().without_drift(_groups(scene), variables[1])
         return self.rest.without_drift(_rest(scene), variables[0]), groups
 
     def with_speeds(
         self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
     ) -> GroupedVariables:
-        """Return the variables with the speeds of `others`."""
+        """Return the positions of `variables` with the speeds of `others`."""
         groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
         return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
 
 
 class GroupedMechanics(AbstractMechanics):
-    """Mechanics of the rest and of the groups; the speeds of the rest come first."""
+    """Equations of motion of a condensed scene.
+
+    The list of speeds holds those of the single bodies, then six arrays (n,) for each group of n
+    bodies.
+    """
 
     def __init__(self, rest: AbstractCoordinates, scene: Scene, variables: GroupedVariables):
         groups = _groups(scene)
@@ -92,7 +100,7 @@ class GroupedMechanics(AbstractMechanics):
         self.motions = GroupedMotions({**self._rest.motions, **free.motions})
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of both parts."""
+        """Return the rates of the speeds under wrenches and gravity, without constraints."""
         wrenches = summed_wrenches(wrenches, self._bodies)
         return [
             *self._rest.free_rates(wrenches),
@@ -100,9 +108,9 @@ class GroupedMechanics(AbstractMechanics):
         ]
 
     def _broadcast(self, rates: Speeds) -> Speeds:
-        """Return the rates of groups as arrays with one element for each body.
+        """Return the rates of the groups, as arrays with one element for each body of the group.
 
-        Rates that are the same for all bodies are single numbers before.
+        Before, rates that are the same for all bodies of a group are single numbers.
         """
         return [
             jnp.broadcast_to(rate, (size,)) for rate, size in zip(rates, self._sizes, strict=True)
@@ -113,41 +121,52 @@ class GroupedMechanics(AbstractMechanics):
         return numbers[:size], numbers[size:]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces on the speeds of both parts."""
+        """Return the generalised forces of the wrenches, one for each speed."""
         wrenches = summed_wrenches(wrenches, self._bodies)
         return [*self._rest.projected(wrenches), *self._groups.projected(wrenches)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Solve with the mass matrices of both parts."""
+        """Return the rates of the speeds that generalised forces cause."""
         rest, groups = self._split(forces)
         return [*self._rest.solved(rest), *self._groups.solved(groups)]
 
     def bias(self, row: Row) -> Scalar:
-        """Return the bias of the rest: grouped bodies have no constraints."""
+        """Return the row's bias for the single bodies; grouped bodies have no constraints."""
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the accelerations of the bodies by the names of single bodies."""
+        """Return the acceleration of each body, by name of body; those of groups are split."""
         rest, groups = self._split(rates)
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 
     def variable_rates(self, rates: Speeds) -> GroupedVariables:
-        """Return the rates of the variables of both parts."""
+        """Return the time derivatives of the variables for given rates of the speeds."""
         rest, groups = self._split(rates)
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
     def after_displacement(self, changes: Speeds) -> GroupedVariables:
-        """Change the positions of the rest only: grouped bodies have no constraints."""
+        """Return the variables after a small displacement of the single bodies.
+
+        Grouped bodies stay where they are, since only constraints displace bodies, and they have
+        none.
+        """
         return self._rest.after_displacement(self._split(changes)[0]), self._variables[1]
 
     def after_speed_change(self, changes: Speeds) -> GroupedVariables:
-        """Change the speeds of the rest only: grouped bodies have no constraints."""
+        """Return the variables after changes of the single bodies' speeds.
+
+        Grouped bodies keep their speeds, since only constraints change them, and they have none.
+        """
         return self._rest.after_speed_change(self._split(changes)[0]), self._variables[1]
 
 
 class GroupedMotions(dict[str, Motion]):
-    """Motions by the names of single bodies and groups, with further names on demand: of a body in
-    a group, and a `GroupName` of several bodies of one group or of one body repeated."""
+    """Dictionary of motions by names of single bodies and groups, which derives further motions on
+    demand.
+
+    Further keys are the name of a body in a group, and a `GroupName` of several bodies of one
+    group, or of one single body repeated.
+    """
 
     def __init__(self, motions: Motions):
         super().__init__(motions)
@@ -169,8 +188,12 @@ class GroupedMotions(dict[str, Motion]):
 
 
 def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
-    """Sum wrenches, given by names of bodies and by any `GroupName`, into one wrench for each key
-    of `bodies`, the single bodies and groups of a condensed scene."""
+    """Return the sum of the wrenches on each single body and on each group of a condensed scene.
+
+    **Arguments:** `wrenches`: by name of a body, or by a `GroupName` of several bodies, with arrays
+    of one element for each of them; `bodies`: the names in the condensed scene, which are the keys
+    of the result.
+    """
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
         key, converted = _assigned(name, wrench, bodies)
@@ -179,8 +202,8 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
 
 
 def _assigned(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wrench]:
-    """Return the single body or group to which the wrench on a name is added, and the wrench with
-    its shape."""
+    """Return the name of the single body or group on which a wrench on `name` acts, and the wrench
+    in the shape of that body or group."""
     if name in bodies:
         return name, wrench
     if isinstance(name, GroupName) and name.members[0] in bodies:
@@ -192,9 +215,9 @@ def _assigned(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wr
 
 
 def group_with(names: Iterable[str], name: str) -> GroupName:
-    """Return the group of a body, or of the first of several.
+    """Return the name of the group that contains a body, or the first of several bodies.
 
-    **Raises:** `KeyError` if it is in no group.
+    **Raises:** `KeyError` if no group contains the body.
     """
     member = name.members[0] if isinstance(name, GroupName) else name
     for group in _group_names(names):
@@ -208,7 +231,8 @@ def _map_arrays(function: Callable[[jax.Array], Scalar], tree: T) -> T:
 
 
 def _taken(values: jax.Array, indices: list[int]) -> jax.Array:
-    """Return the values (n,) at some indices, by a slice if these are consecutive."""
+    """Return the elements of an array (n,) at the given indices, by a slice if these are
+    consecutive."""
     first, last = indices[0], indices[-1] + 1
     if indices == list(range(first, last)):
         return values[first:last]
@@ -216,9 +240,9 @@ def _taken(values: jax.Array, indices: list[int]) -> jax.Array:
 
 
 def _scattered(values: jax.Array, indices: list[int], size: int) -> Scalar:
-    """Return the sums (size,) of the values with each index.
+    """Return an array (size,) in which entry k is the sum of the values whose index is k.
 
-    It consists of gathers: a scatter would keep the stepping loop from becoming one native
+    It is computed by gathers, since with a scatter the stepping loop could not become one native
     function.
     """
     values = jnp.broadcast_to(values, (len(indices),))
@@ -251,8 +275,10 @@ def _groups(scene: Scene) -> Scene:
 
 
 def grouped(scene: Scene, formulation: Formulation) -> tuple[Scene, Formulation]:
-    """Return the scene, in scalar form, with groups, and the formulation for it; both unchanged if
-    there are no groups."""
+    """Return a scene, in scalar form, with alike elements grouped, and its formulation.
+
+    If there is no group, return both unchanged.
+    """
     with_groups = condensed(scene)
     if not groups(with_groups):
         return scene, formulation

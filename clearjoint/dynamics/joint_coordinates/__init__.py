@@ -1,1 +1,2 @@
-"""Joint coordinates of trees, with the mass matrix by the composite rigid body algorithm."""
+"""Joint coordinates of open chains of bodies; the composite rigid body algorithm gives the mass
+matrix."""

@@ -1,6 +1,6 @@
-"""Branches of a tree: a body that moves freely, or one that an ideal joint carries.
+"""Branches of a tree of bodies: a body that moves freely, or a body carried by an ideal joint.
 
-Each kind has its own variables, and converts them to motions and rates.
+Each kind of branch has its own variables, and converts them to the body's motion and rates.
 """
 
 import abc
@@ -21,79 +21,92 @@ from ..coordinates import (
 from .links import Link, free_link, jointed_link
 
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
+"""Euler parameters of a body whose axes are the global ones."""
 BodyPose: TypeAlias = tuple[EulerParameters, Motion]
+"""Orientation of a body, as Euler parameters, and the body's motion."""
 
 
 @dataclass(frozen=True)
 class AbstractBranch(abc.ABC):
-    """A body and its parent, by name, with the conversions between variables and motion."""
+    """A body and its parent, by name, with the conversions between variables and motion of the
+    body.
+
+    The parent is the next body towards the root of the tree, or the ground. In all methods, `state`
+    holds the variables of the body, and `axes` is the rotation matrix from the axes of the tree's
+    root body to global ones. Lists of the type `Speeds` have one entry for each degree of freedom
+    of the branch.
+    """
 
     body: str
     parent: str
 
     @abc.abstractmethod
     def encode(self, parent: BodyPose, body: BodyPose) -> MotionVariables:
-        """Return the variables for given poses of parent and body."""
+        """Return the variables of the body for given motions of the parent and the body."""
 
     @abc.abstractmethod
     def orientation(self, parent: EulerParameters, state: MotionVariables) -> EulerParameters:
-        """Return the Euler parameters of the body."""
+        """Return the body's Euler parameters for those of its parent."""
 
     @abc.abstractmethod
     def motion(self, parent: Motion, state: MotionVariables) -> Motion:
-        """Return pose and twist of the body, from those of its parent."""
+        """Return pose and twist of the body for those of its parent."""
 
     @abc.abstractmethod
     def link(self, parent: Link | None, state: MotionVariables) -> Link:
-        """Return the body as a link of its tree; the root has the parent ``None``."""
+        """Return the body as a link of its tree, on the link of its parent; ``None`` for a root's
+        parent."""
 
     @abc.abstractmethod
     def rates(
         self, state: MotionVariables, speeds: Speeds, axes: Matrix, gravity: Vector
     ) -> MotionVariables:
-        """Return the time derivative of the variables for rates of the speeds.
+        """Return the time derivatives of the variables for given rates of the speeds.
 
-        `axes`: the rotation from the tree's axes to global ones; `gravity`: global, m/s^2.
+        `speeds` are these rates, relative to the parent; `gravity` is in m/s^2, global.
         """
 
     @abc.abstractmethod
     def after_displacement(
         self, state: MotionVariables, changes: Speeds, axes: Matrix
     ) -> MotionVariables:
-        """Return the variables after a small displacement along the speeds."""
+        """Return the variables after a small displacement along each speed, m or rad."""
 
     @abc.abstractmethod
     def after_speed_change(
         self, state: MotionVariables, changes: Speeds, axes: Matrix
     ) -> MotionVariables:
-        """Return the variables after changes of the speeds."""
+        """Return the variables after adding a change, m/s or rad/s, to each speed."""
 
     @abc.abstractmethod
     def without_drift(self, state: MotionVariables) -> MotionVariables:
-        """Return the variables of the same motion, normalised."""
+        """Return normalised variables of the same motion."""
 
     @abc.abstractmethod
     def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
-        """Return the variables with the speeds of others."""
+        """Return the positions of `state` with the speeds of `other`."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
-        """Whether the rates of the speeds are relative to free fall."""
+        """Return whether the rates of the speeds are relative to free fall."""
 
 
 @dataclass(frozen=True)
 class FreeBranch(AbstractBranch):
-    """A free body: its variables are a `BodyState` as in absolute coordinates.
+    """A free body, whose variables are a `BodyState`, as in absolute coordinates.
 
-    With an anchor, which is a point of the body and one of the ground, the position is the vector
-    from the latter to the former. Speeds are velocity and spin, both in body axes. Rates of the
-    velocity are relative to free fall: gravity accelerates all bodies of a free tree alike.
+    The position is the centre of mass or, with an `anchor`, the vector in m from the anchor's
+    ground point to its body point. The anchor is the pair of these points: on the body, m in body
+    axes, and on the ground, m in global axes. The six speeds are velocity (m/s) and spin (rad/s),
+    both in body axes. Rates of the velocity are relative to free fall, since gravity accelerates
+    all bodies of a free tree alike.
     """
 
     anchor: tuple[Vector, Vector] | None
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Return the state, with the position of the centre of mass or of the anchor's point."""
+        """Return the state of the body, with the position of the centre of mass or of the anchor's
+        point."""
         orientation, motion = body
         position = motion.position
         if self.anchor is not None:
@@ -110,11 +123,11 @@ class FreeBranch(AbstractBranch):
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
-        """Return the root link of the tree."""
+        """Return the body as the root link of its tree."""
         return free_link(state.spin)
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
-        """Return velocity, rates of Euler parameters, and accelerations."""
+        """Return the time derivatives of position (m/s), Euler parameters, velocity and spin."""
         return BodyState(
             self._shift(axes, state.velocity, state.spin),
             euler_parameter_rates(state.orientation, state.spin),
@@ -123,20 +136,27 @@ class FreeBranch(AbstractBranch):
         )
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the velocity (or displacement) of the point of the position variable."""
+        """Return the velocity of the point that the position variable describes, m/s, global.
+
+        `velocity` is that of the centre of mass, global, and `spin` is in body axes. For a
+        displacement in m and a rotation in rad, return the displacement of the point, m.
+        """
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with the position shifted and the orientation turned."""
+        """Return the state with position and orientation changed.
+
+        `changes` are a displacement, m, and a rotation vector, rad, both in body axes.
+        """
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)
         return BodyState(state.position + shift, orientation, state.velocity, state.spin)
 
     def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with velocity and spin changed."""
+        """Return the state with changes of velocity and spin, both in body axes."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
@@ -146,23 +166,28 @@ class FreeBranch(AbstractBranch):
         return normalised_body(state)
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return the position of `state` with velocity and spin of `other`."""
+        """Return position and orientation of `state` with velocity and spin of `other`."""
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
-        """Return True: gravity is added in `rates`."""
+        """Return True, since the rates are relative to free fall; `rates` adds gravity."""
         return True
 
 
 @dataclass(frozen=True)
 class JointedBranch(AbstractBranch):
-    """A body carried by an ideal joint: its variables are a `JointState` of the joint."""
+    """A body carried by an ideal joint; its variables are the `JointState` of that joint.
+
+    - `joint`: name of the joint.
+    - `motion_subspace`: the relative motion that the joint allows.
+    """
 
     joint: str
     motion_subspace: AbstractMotionSubspace
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the relative motion, as far as the joint allows it."""
+        """Return the joint's coordinates and speeds; relative motion that the joint forbids is
+        dropped."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, first), (orientation_body, second) = parent, body
         displacement = second.components(second.point(on_child) - first.point(on_parent))
@@ -174,11 +199,11 @@ class JointedBranch(AbstractBranch):
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
-        """Return the orientation of the parent composed with that of the joint."""
+        """Return the parent's orientation composed with the rotation in the joint, of unit norm."""
         return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
-        """Return the motion of the parent composed with that of the joint."""
+        """Return the parent's motion composed with the motion in the joint."""
         relative, twist = (
             self.motion_subspace.rotation(state.position),
             self.motion_subspace.twist(state),
@@ -195,26 +220,28 @@ class JointedBranch(AbstractBranch):
         )
 
     def link(self, parent: Link | None, state: JointState) -> Link:
-        """Return the link on its parent; the root of a tree if the parent is the ground."""
+        """Return the link of the body; the parent's link is ``None`` if the parent is the
+        ground."""
         return jointed_link(parent, self.motion_subspace, state)
 
     def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
-        """Return the rates of position and speeds."""
+        """Return the time derivatives of the joint's position and of its speeds."""
         return JointState(self.motion_subspace.rates(state), tuple(speeds))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the position moved along the free directions of the joint."""
+        """Return the state with the position moved in the free directions of the joint, m or
+        rad."""
         return JointState(
             self.motion_subspace.after_displacement(state.position, tuple(changes)), state.speeds
         )
 
     def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the changes added to the speeds."""
+        """Return the state with the changes, m/s or rad/s, added to the speeds."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with the position normalised by the joint."""
+        """Return the state with the position normalised, for instance an angle within two turns."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
@@ -222,5 +249,5 @@ class JointedBranch(AbstractBranch):
         return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
-        """Return False: rates are relative to the parent."""
+        """Return False, since the rates are relative to the parent."""
         return False

@@ -41,7 +41,11 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 class TreeMechanics:
-    """Mechanics of one tree; the mass matrix is factorised once for all forces and constraints."""
+    """Equations of motion of one tree.
+
+    The mass matrix is factorised once, for all forces and constraints. `size` is the number of
+    speeds.
+    """
 
     def __init__(
         self, scene: Scene, tree: Tree, variables: dict[str, MotionVariables], motions: Motions
@@ -74,10 +78,11 @@ class TreeMechanics:
         return zip(self._tree, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
-        """Return the lower triangle of the mass matrix, filled from the leaves to the root.
+        """Return the lower triangle of the mass matrix as lists, filled from the leaves to the
+        root.
 
-        At each link `composites` holds the inertia of the link with all bodies that it carries, as
-        far as their joints transmit it.
+        At each link, `composites` holds the inertia of the link and of all bodies that it carries,
+        as far as their joints transmit that inertia.
         """
         matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self.size)]
         composites: list[Inertia] = [
@@ -105,7 +110,8 @@ class TreeMechanics:
         return matrix
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill a row with products of a momentum and the columns of link k and of its carriers."""
+        """Fill a row of the mass matrix with products of a momentum and the columns of link k and
+        of all its carriers towards the root."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -114,21 +120,24 @@ class TreeMechanics:
             k = self._parents[k]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the inverse of the mass matrix times forces."""
+        """Return the rates r, (size,), for generalised forces, (size,), from the factorised mass
+        matrix."""
         return self._factorisation.solve(forces)
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under wrenches, without constraints."""
+        """Return the rates r, (size,), under wrenches and gravity, without constraints."""
         loads = []
         for k, (branch, link) in enumerate(self._pairs()):
             force, moment = self._load(branch.body, link, wrenches)
             central, mass = self._central[k], self._scene.bodies[branch.body].mass
+            # The accelerations at constant speeds take their share of the load, so the remainder
+            # accelerates the speeds.
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
             loads.append((force - (link.bias - self._weight) * mass, moment - gyroscopic))
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return H^T times the wrenches, the generalised forces on the speeds."""
+        """Return the generalised forces, (size,), of wrenches by name of body."""
         return self._along_columns(
             [self._load(branch.body, link, wrenches) for branch, link in self._pairs()]
         )
@@ -139,7 +148,8 @@ class TreeMechanics:
         return force, link.rotation @ wrench.moment
 
     def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
-        """Sum the loads on all bodies along the columns, from the leaves to the root."""
+        """Return the generalised forces, (size,), of one load on each link, summed from the leaves
+        to the root."""
         totals = [
             Twist(moment + link.centre.cross(force), force)
             for (force, moment), link in zip(loads, self._links, strict=True)
@@ -155,7 +165,7 @@ class TreeMechanics:
         return forces
 
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations at zero rates."""
+        """Return the part of a constraint row's second derivative that remains at zero rates."""
         total: Scalar = 0.0
         for branch, link in self._pairs():
             force, moment = self._load(branch.body, link, row.jacobian)
@@ -164,10 +174,12 @@ class TreeMechanics:
         return total
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, the acceleration of its point at the
-        origin, and its rates u' relative to its carrier.
+        """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
 
-        This reverses the change of unknowns: u' = r - axis . (angular acceleration of the carrier).
+        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin,
+        caused by the rates, without the parts at constant speeds. The rates u' are relative to the
+        carrier. This reverses the change of unknowns: u' = r - axis . (angular acceleration of the
+        carrier).
         """
         twists: list[Twist] = []
         for k, link in enumerate(self._links):
@@ -223,19 +235,24 @@ class TreeMechanics:
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds]]:
-        """Yield each branch with its variables and its rates relative to its carrier."""
+        """Yield each branch with its variables and its rates u', relative to its carrier."""
         for branch, (_, part) in zip(self._tree, self._per_link(rates), strict=True):
             yield branch, self._variables[branch.body], part
 
 
 def _product(first: Twist, second: Twist) -> Scalar:
-    """Return the product of a twist with a load or a momentum."""
+    """Return angular times angular plus linear times linear part: the power of a load with a twist,
+    or the product of a momentum with a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
-    """Return the part of a load or momentum that a joint transmits to the carrier: without the
-    components `along` the axes of its columns, which it leaves free."""
+    """Return the part of a load or momentum that a joint transmits to the carrier.
+
+    **Arguments:** `load`: moment and force, or momentum, of the carried bodies; `along`: products
+    of `load` with each of `columns`, which are the joint's free directions. The moments of these
+    products about the columns' axes are left out.
+    """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
         moment = moment - column.angular * part

@@ -1,8 +1,8 @@
-"""Joint coordinates: angles and distances of the ideal joints, which then need no constraints.
+"""Joint coordinates: angles and distances of ideal joints, which then need no constraints.
 
-A clearance joint is a force element and opens its loop, so most mechanisms with clearances are
-trees. In joint coordinates a tree has no multipliers, no drift, no redundancy and few states.
-Joints that close a loop remain constraints.
+A clearance joint is a force element, so it does not close a loop, and most mechanisms with
+clearances are trees. In joint coordinates, a tree has no multipliers, no drift and no redundant
+constraints, and few variables. Ideal joints that close a loop remain constraints.
 """
 
 from collections.abc import Iterator
@@ -26,16 +26,17 @@ from .composite_rigid_body import TreeMechanics
 from .tree import forest
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""A `JointState` for each body that a joint carries, a `BodyState` for each free one."""
+"""Variables by name of body: a `JointState` if a joint carries the body, a `BodyState` if it is
+free."""
 
 
 class JointCoordinates(AbstractCoordinates):
-    """Relative positions and speeds of the bodies along the ideal joints that carry them.
+    """Relative positions and speeds in the ideal joints that carry the bodies.
 
     A free body has the same variables as in absolute coordinates, including its `Anchor`.
 
-    They are the default, because they are faster on every mechanism measured. Time of a right-hand
-    side in a native loop of one lane, µs:
+    These coordinates are the default, because they are faster on every mechanism measured. Time in
+    µs of one evaluation of the equations of motion, in a native loop of one lane:
 
     | mechanism | joint coordinates | absolute coordinates |
     |---|---|---|
@@ -47,20 +48,23 @@ class JointCoordinates(AbstractCoordinates):
     | chain of 4 bodies, changing axes | 0.2 | 34 |
     | chain of 12 bodies, changing axes | 2.3 | 150 |
 
-    The large ratios are due to systems of constraints that then need no LAPACK.
+    The large ratios arise because fewer constraints are left, and their equations need no LAPACK.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the joints that carry a body of a tree."""
+        """Return the names of the ideal joints that carry a body of a tree."""
         return frozenset(
             branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
         )
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
-        """Return the variables of a state; violations of the joints of the trees are dropped."""
+        """Return the variables for given states of the bodies, by name.
+
+        If a state violates the joints of the trees, the violation is dropped.
+        """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         for name, body in bodies.items():
             rotation = rotation_matrix(body.orientation)
@@ -74,7 +78,7 @@ class JointCoordinates(AbstractCoordinates):
         }
 
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
-        """Return the states of the bodies."""
+        """Return the states of the bodies, by name."""
         motions, orientations = self.motions(scene, variables), {GROUND: UPRIGHT}
         for branch in _branches(scene):
             state = variables[branch.body]
@@ -90,18 +94,19 @@ class JointCoordinates(AbstractCoordinates):
         }
 
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        """Return the motion of each body, from the roots to the leaves."""
+        """Return pose and twist of each body and of "ground", by name, computed from the roots to
+        the leaves."""
         motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
         for branch in _branches(scene):
             motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
         return motions
 
     def mechanics(self, scene: Scene, variables: TreeVariables) -> "JointMechanics":
-        """Return the equations of motion of the trees."""
+        """Return the equations of motion of all trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """Return the variables of each body, normalised."""
+        """Return the variables of each body, normalised, by name."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }
@@ -109,7 +114,7 @@ class JointCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """Return the variables of each body with the speeds of `others`."""
+        """Return the positions of `variables` with the speeds of `others`, by name of body."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
@@ -121,7 +126,10 @@ def _branches(scene: Scene) -> list[AbstractBranch]:
 
 
 class JointMechanics(AbstractMechanics):
-    """Mechanics of several trees; the speeds of one tree follow those of the other."""
+    """Equations of motion of all trees of a scene.
+
+    The list of speeds holds those of the first tree, then those of the second, and so on.
+    """
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
         self.motions = motions
@@ -134,40 +142,44 @@ class JointMechanics(AbstractMechanics):
             first += tree.size
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds of all trees."""
+        """Return the rates of the speeds under wrenches and gravity, without constraints."""
         return [rate for tree in self._trees for rate in tree.free_rates(wrenches)]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces on the speeds of all trees."""
+        """Return the generalised forces of the wrenches, one for each speed."""
         return [force for tree in self._trees for force in tree.projected(wrenches)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Solve with the factorised mass matrix of each tree."""
+        """Return the rates of the speeds that generalised forces cause, from each tree's mass
+        matrix."""
         return [rate for tree, part in self._per_tree(forces) for rate in tree.solved(part)]
 
     def bias(self, row: Row) -> Scalar:
-        """Return the sum over all trees."""
+        """Return the sum over all trees of the row's bias; see `AbstractMechanics`."""
         total: Scalar = 0.0
         for tree in self._trees:
             total = add(total, tree.bias(row))
         return total
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the accelerations of the bodies of all trees."""
+        """Return the acceleration of each body, by name, for given rates of the speeds."""
         parts = [tree.accelerations(part) for tree, part in self._per_tree(rates)]
         return {name: body for part in parts for name, body in part.items()}
 
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        """Return the rates of the variables of all trees."""
+        """Return the time derivatives of each body's variables, by name, for given rates of the
+        speeds."""
         parts = [tree.variable_rates(part) for tree, part in self._per_tree(rates)]
         return {name: body for part in parts for name, body in part.items()}
 
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        """Return the variables of all trees after a small displacement along their speeds."""
+        """Return the variables, by name of body, after a small displacement along each speed, m or
+        rad."""
         parts = [tree.after_displacement(part) for tree, part in self._per_tree(changes)]
         return {name: body for part in parts for name, body in part.items()}
 
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        """Return the variables of all trees after changes of their speeds."""
+        """Return the variables, by name of body, after adding a change, m/s or rad/s, to each
+        speed."""
         parts = [tree.after_speed_change(part) for tree, part in self._per_tree(changes)]
         return {name: body for part in parts for name, body in part.items()}

@@ -1,9 +1,9 @@
-"""Kinematics of the bodies of a tree in a common frame.
+"""Kinematics of the bodies of a tree, in a frame common to the tree.
 
-All vectors of a tree have the axes of its root body. Its origin is a point of the root: the joint
-on the ground or, for a free root, the centre of mass. So the root's inertia is constant, constant
-vectors keep their structural zeros, and the mass matrix contains total mass times identity if the
-root's velocity is an unknown.
+The axes of the frame are those of the tree's root body. Its origin is a point of the root: the
+joint on the ground or, for a free root, the centre of mass. So the root's inertia is constant,
+constant vectors keep their structural zeros, and for a free root the mass matrix contains the total
+mass times the identity.
 """
 
 from dataclasses import dataclass
@@ -26,15 +26,17 @@ from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState,
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A body of a tree at one instant.
+    """A body of a tree at one instant; all vectors have the tree's axes.
 
-    - `rotation`: maps body components to the tree's axes; `centre`: position of the centre of mass.
-    - `spin`: angular velocity.
-    - `angular_bias`, `bias`: angular acceleration, and acceleration of the centre of mass, at
-      constant speeds; `gradient`: the matrix that maps a distance from a point of the body to the
-      difference in the latter.
-    - `columns`: for each speed of the link's joint, the spin, and the velocity of the link's point
-      at the origin.
+    - `rotation`: matrix that maps components in body axes to components in the tree's axes.
+    - `centre`: m, from the tree's origin to the centre of mass.
+    - `spin`: rad/s, angular velocity.
+    - `angular_bias`: rad/s^2, angular acceleration at constant speeds.
+    - `bias`: m/s^2, acceleration of the centre of mass at constant speeds.
+    - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
+      difference of their accelerations at constant speeds.
+    - `columns`: for each speed of the link's joint, the twist that a unit of it causes: spin, and
+      velocity of the point of the body at the tree's origin.
     """
 
     rotation: Matrix
@@ -47,10 +49,14 @@ class Link:
 
 
 GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
+"""The ground as the parent of links."""
 
 
 def free_link(spin: Vector) -> Link:
-    """Return the link of a free body: its speeds are velocity of the centre of mass and spin."""
+    """Return the link of a free body with a given spin, rad/s, in body axes.
+
+    Its six speeds are the velocity of the centre of mass and the spin.
+    """
     axes = UNIT_X, UNIT_Y, UNIT_Z
     columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
     return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _gradient(spin, ZERO), tuple(columns))
@@ -59,7 +65,10 @@ def free_link(spin: Vector) -> Link:
 def jointed_link(
     parent: Link | None, motion_subspace: AbstractMotionSubspace, state: JointState
 ) -> Link:
-    """Return the link of a body carried by a joint on its parent; ``None`` is the ground."""
+    """Return the link of a body that a joint carries on its parent, ``None`` for the ground.
+
+    `state` holds the coordinates and speeds of the joint.
+    """
     if parent is None:
         return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, motion_subspace, state)
     rotation = parent.rotation @ motion_subspace.rotation(state.position)
@@ -76,9 +85,13 @@ def _carried(
     motion_subspace: AbstractMotionSubspace,
     state: JointState,
 ) -> Link:
-    """Return the link of a body whose joint is at `point` of its parent.
+    """Return the link of a body whose joint is at a point of the parent.
 
-    `bias`: the acceleration of that point at constant speeds.
+    **Arguments:**
+
+    - `rotation`: from the body's axes to the tree's.
+    - `point`: m, position of the joint's point on the parent, from the tree's origin.
+    - `bias`: m/s^2, acceleration of this point at constant speeds.
     """
     # Relative motion in the joint, in the tree's axes, and its acceleration at constant speeds.
     twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
@@ -105,12 +118,12 @@ def _carried(
 
 
 def _at_origin(twist: Twist, point: Vector) -> Twist:
-    """Return the twist at the tree's origin of a body with a given twist at a point."""
+    """Return the twist of a body at the tree's origin, for the twist at a given point, m."""
     return Twist(twist.angular, twist.linear + point.cross(twist.angular))
 
 
 def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
-    """Return the matrix of r -> angular_bias x r + spin x (spin x r)."""
+    """Return the matrix that maps r to angular_bias x r + spin x (spin x r), 1/s^2."""
     w, b = spin, angular_bias
     xx, yy, zz = (multiply(part, part) for part in w)
     xy, xz, yz = multiply(w.x, w.y), multiply(w.x, w.z), multiply(w.y, w.z)

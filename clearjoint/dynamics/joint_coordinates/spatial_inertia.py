@@ -1,4 +1,4 @@
-"""Spatial inertia of a composite of bodies, about the origin of its tree."""
+"""Spatial inertia of a rigid composite of bodies, about the origin of its tree and in its axes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,9 +10,10 @@ from ...model.joints.motion_subspaces import Twist
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Map from spin w and velocity v to angular momentum I w + C v and momentum C^T w + m v.
+    """Spatial inertia about the tree's origin, in the tree's axes.
 
-    About the tree's origin and in its axes. `angular` is I, `coupling` C, `mass` m.
+    It maps spin w and velocity v to the angular momentum I w + C v and the momentum C^T w + m v,
+    with I = `angular` (kg m^2), C = `coupling` (kg m) and m = `mass` (kg).
     """
 
     mass: Scalar
@@ -27,17 +28,23 @@ class Inertia:
         )
 
     def momentum(self, twist: Twist) -> Twist:
-        """Return angular momentum and momentum for a twist."""
+        """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""
         return Twist(
             self.angular @ twist.angular + self.coupling @ twist.linear,
             self.coupling.transposed_times(twist.angular) + twist.linear * self.mass,
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the inertia without its part along the rotation about `axis`.
+        """Return the inertia without the part that belongs to rotation about `axis`.
 
-        The part is symmetric: the outer product of `axis` with the momentum `whole`, and the
-        transposed product with `rest`, the momentum without what the first product removed.
+        The part subtracted is the outer product of `axis` with the momentum `whole`, plus the
+        transposed product of `axis` with `rest`, so that the result stays symmetric.
+
+        **Arguments:**
+
+        - `axis`: unit vector of the rotation, or zero for a translation.
+        - `whole`: momentum for a unit of the joint's speed.
+        - `rest`: `whole` without its components about the axes of the joint.
         """
         return Inertia(
             self.mass,
@@ -47,7 +54,10 @@ class Inertia:
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return the inertia about the centre of mass in the tree's axes."""
+    """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
+
+    `rotation` maps body components to the tree's axes.
+    """
     rows = (rotation.row_x, rotation.row_y, rotation.row_z)
     images = [
         body.inertia @ row
@@ -59,7 +69,11 @@ def central_inertia(body: Body, rotation: Matrix) -> Matrix:
 
 
 def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
-    """Return the inertia of a body about the tree's origin, from that about its centre of mass."""
+    """Return the spatial inertia of a body about the tree's origin.
+
+    **Arguments:** `centre`: m, the centre of mass from the tree's origin; `central`: kg m^2, the
+    inertia about the centre of mass, in the tree's axes.
+    """
     h, r = centre * body.mass, tuple(centre)
     first = tuple(h)
 

@@ -1,4 +1,4 @@
-"""Spanning trees of a scene's bodies and ideal joints, determined from names while tracing."""
+"""Spanning trees of a scene's bodies and ideal joints, found from names while JAX traces."""
 
 from collections.abc import Iterator
 from typing import TypeAlias
@@ -10,15 +10,17 @@ from ..coordinates import anchors
 from .branches import AbstractBranch, FreeBranch, JointedBranch
 
 Tree: TypeAlias = list[AbstractBranch]
-"""Branches, each parent before its children. Only the first, the root, has the ground as parent."""
+"""List of branches, each parent before its children. The first branch is the root; only its parent
+is the ground."""
 
 
 def forest(scene: Scene) -> list[Tree]:
-    """Return the trees of a scene; only constraints that close loops couple them.
+    """Return the trees of a scene; only constraints that close loops couple different trees.
 
-    Bodies that ideal joints connect to the ground come first, breadth first, so that chains are
-    short. Of connected bodies without such a joint, one becomes a free root: one with an anchor if
-    there is any, since an anchor preserves the digits of its position.
+    Bodies that ideal joints connect to the ground come first. Bodies are visited breadth first, so
+    that chains are short. Of connected bodies without a joint to the ground, one becomes a free
+    root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
+    position.
     """
     placed = {GROUND}
     trees = [
@@ -34,7 +36,8 @@ def forest(scene: Scene) -> list[Tree]:
 
 
 def _descendants(scene: Scene, start: str, placed: set[str]) -> Tree:
-    """Return the branches below a body, breadth first; adds their bodies to `placed`."""
+    """Return the branches below the body `start`, breadth first, and add their bodies to
+    `placed`."""
     descendants: Tree = []
     waiting = [start]
     while waiting:
@@ -45,7 +48,10 @@ def _descendants(scene: Scene, start: str, placed: set[str]) -> Tree:
 
 
 def _children(scene: Scene, parent: str, placed: set[str]) -> Tree:
-    """Return the branches directly on a body; adds their bodies to `placed`."""
+    """Return the branches on the body `parent`, and add their bodies to `placed`.
+
+    Bodies already in `placed` are left out.
+    """
     children: Tree = []
     for branch in _carried(scene, parent):
         if branch.body not in placed:
@@ -55,7 +61,7 @@ def _children(scene: Scene, parent: str, placed: set[str]) -> Tree:
 
 
 def _carried(scene: Scene, parent: str) -> Iterator[JointedBranch]:
-    """Yield a branch for each joint that can carry another body on the parent."""
+    """Yield a branch for each ideal joint that can carry another body on the body `parent`."""
     for name, joint in scene.joints.items():
         if isinstance(joint, AbstractConstraint):
             bodies = joint.body_names()
