@@ -7,7 +7,7 @@ from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 
 Channels = Mapping[str, tuple[Quantity, str]]
-"""Quantities with their units, by name."""
+"""Pairs of a quantity and the text of its unit, by name of the channel."""
 PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 

@@ -98,7 +98,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return text: result, number of steps, impacts of each joint, and final state of bodies."""
+        """Return text: result, number of steps, impacts of each joint, final state of bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]

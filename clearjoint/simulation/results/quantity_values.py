@@ -100,7 +100,7 @@ def rates_compiled(
 
 
 class _KnownState:
-    """Entry speeds, work and bristles of a state, which the variables of a motion do not contain."""
+    """Entry speeds, work and bristles of a state; the variables of a motion lack them."""
 
     def __init__(self, system: System, state: State):
         self._system, self._entry_speeds, self._work = (
