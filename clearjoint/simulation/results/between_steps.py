@@ -56,14 +56,15 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Return the states at given times between the first and the last step's end.
+    """Return the interpolated states at the times `wanted`, with M in front of each array.
 
-    Entry speeds are those at the step's start; deflections of bristles and integrals of the energy
-    ledger are interpolated linearly.
+    Motions of bodies are interpolated by cubic Hermite polynomials, deflections of bristles and
+    integrals of the energy ledger linearly. Entry speeds keep their values at the step's start.
 
-    **Arguments:** `times`: (N,) s, rising, N ≥ 2, of `states`. `wanted`: (M,) s.
+    **Arguments:** `times`: (N,) s, rising, N ≥ 2, the ends of the steps; `states`: the N states at
+    these times; `wanted`: (M,) s, between the first and the last of `times`.
 
-    **Raises:** `ValueError` for times outside.
+    **Raises:** `ValueError` for times outside this range.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)

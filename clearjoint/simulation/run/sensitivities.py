@@ -216,7 +216,12 @@ def _result(
     saved: np.ndarray | None,
     start_time: float,
 ) -> Sensitivities:
-    """Return outputs at the requested times, and states at those to save at."""
+    """Return the results of a run, with outputs and states selected from the rows at `all_times`.
+
+    **Arguments:** `sampled`: outputs, derivatives and states at `all_times`; `all_times`: (A,) s,
+    `requested` and `saved` together; `requested`: (N,) s, times of the outputs; `saved`: (S,) s,
+    times of states, or ``None``; `start_time`: s, added to times of impacts.
+    """
     rows = _rows_reached(sampled, all_times, requested)
     return Sensitivities(
         parameters=parameters,

@@ -238,7 +238,7 @@ class _Runs:
         return times, [np.concatenate(channel) for channel in channels]
 
     def strobe(self, rhythm: _Rhythm) -> Strobe:
-        """Return the motion once a period."""
+        """Return the motion as one row of numbers for each period."""
         if rhythm.section is None:
             return strobe_of(self.states(), PHASES)
         return section_strobe(*self.crossings())
