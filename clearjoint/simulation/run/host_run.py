@@ -187,7 +187,7 @@ _end_compiled = Native(_end_of)
 def _results_of(
     scheme: Scheme, folded_scene: ConstantFolded, now: Progress
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the results of each reduction by part, by the reduction's name, at the end of a run."""
+    """Return the results of the reductions at the end of a run, results[name][part]."""
     system, step = scheme.unpacked(folded_scene), now.step
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return {
