@@ -70,7 +70,7 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Return a context that shows a bar, whose description is "compiling, 12 s" while JAX compiles.
+    """Return a context that shows a bar, with the text "compiling, 12 s" during compilation.
 
     Without a bar to show (`bar.disable`), no thread is started.
     """

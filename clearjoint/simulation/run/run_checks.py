@@ -112,7 +112,7 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check a state against the constraints at a time t, s; return the redundant constraints' names.
+    """Check a state against the constraints at a time t, s; return names of redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
     bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state.

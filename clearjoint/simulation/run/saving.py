@@ -23,8 +23,8 @@ class Saving:
 
     **Arguments:**
 
-    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. States
-      are interpolated by dense output, so that these times do not change the steps.
+    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. Dense
+      output gives these states, so that the times do not change the steps.
     - `steps`: keep the state after every accepted step, in `solution.steps`.
     - `impacts`: tabulate all finished contacts, in `solution.impacts`.
     - `sections`: each `Section` by name, whose crossings are kept in `solution.sections`.

@@ -43,7 +43,7 @@ class ReductionRecord(eqx.Module):
     tally: PyTree
 
     def after(self, step_outcome: StepOutcome) -> "ReductionRecord":
-        """Return the record after a step was tried; it is unchanged unless the step was accepted."""
+        """Return the record after a step was tried: updated if the step was accepted."""
         updated = self.reduction.update(self.tally, step_outcome.now)
         return ReductionRecord(self.reduction, choose(step_outcome.kept, updated, self.tally))
 
