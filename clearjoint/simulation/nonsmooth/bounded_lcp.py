@@ -25,7 +25,7 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""Relative residual at which the iteration ends, and largest number of iterations (`ITERATIONS`)."""
+"""Relative residual at which the iteration ends; it takes at most `ITERATIONS` iterations."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
@@ -104,7 +104,8 @@ class BoxProblem:
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
         """Return the impulses after Newton steps, which minimise the energy over the free rows.
 
-        A row is free unless its impulse is at a bound and its velocity presses it against it.
+        A row is free unless its impulse is at a bound and its velocity has the sign that the
+        conditions demand there.
         """
         velocities = self._velocities(x, start)
         free: list[Condition] = [

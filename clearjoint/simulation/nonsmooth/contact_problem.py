@@ -110,7 +110,7 @@ def _touch(
         return Row(0.0, pairs, 0.0)
 
     normal = row(-contact.normal)
-    # Where the contact force turns with the bodies, its wrenches replace those along the normal.
+    # A contact that acts as a couple has other wrenches than a force along the normal.
     if contact.turning is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
     size = -contact.gap.depth, contact.gap.clearance

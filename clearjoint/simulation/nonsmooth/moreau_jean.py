@@ -11,8 +11,8 @@ with positions q and speeds u before the step, q+ and u+ after it, the length h,
 H u, mass matrix M, forces F, and impulses P along the directions D of the contacts. A contact is
 closed if its gap at q_m is not positive. A predictor gives the velocity in F, so that smooth motion
 has second order. Ideal joints are kept by constraints on accelerations, as in `simulate`. If no
-force acts, the velocity after an impact is the restitution times the velocity before it, exactly
-for any step length, and so is the energy.
+force acts, the velocity of a contact after an impact is exactly the restitution times its approach
+velocity, for any step length.
 
 A closed contact may stay penetrated by its approach in half a step. If at its velocity after the
 impact the contact would still be penetrated in the next step, the positions are projected out of

@@ -72,8 +72,8 @@ def simulate_nonsmooth(
     - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, instead of the
       restitutions that the laws deliver.
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
-    - `redundant`: whether to treat the constraints as redundant. By default, the run finds out;
-      under a transformation of JAX, the default is ``False``.
+    - `redundant`: whether constraints depend on each other. By default this is determined from the
+      initial state; under a transformation of JAX the default is ``False``.
     - `throw`: if the run fails, raise `SimulationError` instead of returning the failure's code.
 
     **Returns:** a `NonsmoothSolution`.
