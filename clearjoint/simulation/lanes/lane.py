@@ -138,7 +138,7 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Return whether the run has not ended: by `end_time`, s, a failure or too many attempts."""
+        """Return whether the run goes on: before `end_time`, s, and without failure."""
         return running(self.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
@@ -212,8 +212,8 @@ def begin_lane(
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> Lane:
     """Return the lane after one turn.
 
-    In a turn the lane tries one step, unless its run has ended, it waits for the host, or it still
-    has a state to save within its latest step. Then it saves at most one state.
+    In a turn, the lane tries one step, unless its run has ended, the lane waits for the host, or a
+    state within its latest step is still to be saved. After that, the lane saves at most one state.
     """
     system = plan.scheme.system(scene)
     step, records = advance(

@@ -2,7 +2,7 @@
 
 A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
 array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
-thread has one group; on accelerators each device has its threads.
+thread has one group. By default there is a thread for each core, or for each accelerator.
 """
 
 import threading
@@ -158,7 +158,7 @@ class _Programs:
     - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
     - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
       and of its count.
-    - `blocks[log]`: number of rows in a block, which are converted at once, and of numbers in a row.
+    - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
     def __init__(self, batch: Batch, native: bool):
