@@ -73,8 +73,8 @@ class CrossingRecorder(eqx.Module):
     def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
         """Return the record after a step was tried.
 
-        If the step was accepted and has a crossing, and if more crossings are wanted, the record
-        includes it.
+        A crossing in the step is added to the record, if the step was accepted and more crossings
+        are wanted.
         """
         kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
         row = self.section.row(step_outcome, before, after)

@@ -302,7 +302,12 @@ class _Shared:
 
 
 class _Group:
-    """A group of columns, and the thread that runs the lanes in them."""
+    """A group of columns, whose lanes one thread runs.
+
+    - `turns`: number of turns so far, the sum over all columns.
+    - `error`: the exception that ended the thread, or ``None``.
+    - `ended`: whether the thread has ended.
+    """
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number

@@ -28,7 +28,7 @@ WAITING = 8
 
 
 def width() -> int:
-    """Return the number of lanes side by side on a device of this process."""
+    """Return the number of lanes that one program computes side by side on JAX's default device."""
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 

@@ -291,7 +291,9 @@ class ContactProblem:
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
-    """Return the factor for a change of the tangential impulses, by Aitken's method.
+    """Return the factor by which to extrapolate a change of the tangential impulses (N s).
+
+    Aitken's method finds the factor from the changes in this turn and in the last turn.
 
     See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without
     it, bases that stick and share axial impulses need thousands of turns.

@@ -1,4 +1,4 @@
-"""Check of the penetrations of a run against the ranges of the contact laws."""
+"""Check whether contacts of a run were deeper than the ranges of validity of their laws."""
 
 from ...model.contact.limits import exceeded
 from ...model.scene import Scene

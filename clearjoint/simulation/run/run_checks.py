@@ -100,7 +100,7 @@ def check_start(
 
     **Raises:** `ValueError` that names the cause.
     """
-    # The native check is fast, but names no cause: whatever it doesn't pass is checked in Python.
+    # The native check is fast, but its failure has no cause: such a start is checked in Python.
     if isinstance(scene, Scene) and isinstance(state, State):
         redundant = starts.redundant(scene, state, start_time, coordinates)
         if redundant is not None:
@@ -182,7 +182,7 @@ class _Starts:
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of native programs that check starts, one for each structure."""
         return self._function.count()
 
     def redundant(

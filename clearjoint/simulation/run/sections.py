@@ -97,7 +97,7 @@ class SectionRecorder(eqx.Module):
     count: int = eqx.field(static=True)
 
     def start(self, system: System, step: Step) -> "SectionRecord":
-        """Return the record before the first step, without crossings."""
+        """Return the record before the first step: the level at the start, and an empty table."""
         now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
         table = RowBuffer.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)

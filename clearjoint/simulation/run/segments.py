@@ -173,7 +173,11 @@ def _run(
     attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
-    """Take steps until one passes `stop` or a buffer is full; no step goes past `t_end`."""
+    """Return the run after steps up to the first that ends at or after `stop`, s.
+
+    The steps end earlier at a failure, after `attempts` attempts since the start of the run, and
+    when a buffer is full. No step goes past `t_end`, s.
+    """
 
     def goes(now: Progress) -> Condition:
         more = (now.step.t < stop) & running(now.step, t_end, attempts)

@@ -1,4 +1,4 @@
-"""Simulation until a motion is periodic or steady."""
+"""Simulation, block by block of periods, until a motion is periodic, steady or stationary."""
 
 import enum
 from dataclasses import dataclass, replace
