@@ -296,7 +296,7 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     Aitken's method finds the factor from the changes in this turn and in the last turn.
 
     See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without
-    it, bases that stick and share axial impulses need thousands of turns.
+    extrapolation, bases that stick and share axial impulses need thousands of turns.
     """
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)

@@ -69,7 +69,7 @@ def simulate(
     - `scene`: the mechanism.
     - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
       continues from the entry speeds, bristles and energy ledger of this state.
-    - `end_time`, `start_time`: s, with `end_time` not before `start_time`.
+    - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
     - `save`: results to keep besides the final state: states at given times, every step, impacts,
       sections, and reductions such as `Peak`. Under a transformation of JAX, only states at given
