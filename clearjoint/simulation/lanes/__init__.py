@@ -1,1 +1,1 @@
-"""Many runs side by side: lanes, their recorders and their scheduler."""
+"""The runs of a sweep side by side: lanes, the data they record, and their scheduler."""

@@ -1,7 +1,10 @@
-"""One lane of a batch: a run that takes one step in each turn of a loop over many lanes.
+"""One lane of a batch: a run that tries one step in each turn of a loop over many lanes.
 
-This module is scalar arithmetic without loops. `clearjoint.native.lanes` and `.xla_lanes` put lanes
-side by side and add the loop.
+The functions of this module compute one lane in scalar arithmetic, without loops. The loop over
+turns, with many lanes side by side, is in `clearjoint.native.lanes` and `.xla_lanes`.
+
+A log is a table that a lane writes: the crossings of a section, the impacts of a contact, or the
+saved states. The host is the Python code that reads the logs.
 """
 
 from collections.abc import Mapping
@@ -37,12 +40,13 @@ from ..step.time_map import FromOnset
 from ..step.types import Integers, Numbers
 
 ROWS = 64
-"""Rows of each buffer of a lane. The host empties the buffers, and a lane waits for it when one is
-full."""
+"""Number of rows of each buffer of a lane. When a buffer is full, the lane waits until the host has
+emptied its buffers."""
 WINDOW = ROWS + 1
-"""Times to save at that a lane has at hand: one more than a buffer has rows."""
+"""Number of times to save at in a `SegmentRequest`: one more than a buffer has rows, so that a lane
+with a full buffer still knows whether more states are to be saved."""
 LATEST = ""
-"""Name of the record of the latest step; outputs have others."""
+"""Name of the record of the latest accepted step. Outputs have names that aren't empty."""
 
 
 class CrossingRecord(eqx.Module):
@@ -69,8 +73,8 @@ class CrossingRecorder(eqx.Module):
     def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
         """Return the record after a step was tried.
 
-        If the step was accepted and has a crossing, and if more crossings are wanted, the record
-        includes it.
+        A crossing in the step is added to the record, if the step was accepted and more crossings
+        are wanted.
         """
         kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
         row = self.section.row(step_outcome, before, after)
@@ -82,9 +86,11 @@ class CrossingRecorder(eqx.Module):
 class Plan(eqx.Module):
     """Method and outputs that all lanes of a batch share.
 
-    - `reductions`, `sections` and `impacts`: by the outputs' names.
-    - `saves`: whether states are saved at chosen times.
-    - `max_steps`: largest number of steps tried in a lane.
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `reductions`, `sections`, `impacts`: reductions, conditions of crossings and recorders of
+      impacts, each by the name of its output.
+    - `saves`: whether states are saved at given times.
+    - `max_steps`: largest number of attempts in a lane.
     """
 
     scheme: Scheme
@@ -101,10 +107,11 @@ class Plan(eqx.Module):
 
 
 class SegmentRequest(eqx.Module):
-    """What a lane is to do until it returns to the host.
+    """Data for a lane, which the host updates whenever it has emptied the lane's buffers.
 
-    `end_time` and `first_step`: s. `window`: the next `WINDOW` times to save at in s, filled up
-    with infinity. `wanted`: rows still to be recorded, by log.
+    - `end_time`: s, end of the run; `first_step`: s, length of its first step.
+    - `window`: (`WINDOW`,) s, the next times to save at, filled up with infinity.
+    - `wanted[log]`: number of rows that are still to be recorded.
     """
 
     end_time: Scalar
@@ -114,7 +121,14 @@ class SegmentRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns: its step, the records of its outputs by name, and saved states."""
+    """A run between two turns.
+
+    - `step`: the complete state of the run after its latest attempt.
+    - `tallies`, `crossings`, `impacts`: records of reductions, sections and tables of impacts, by
+      the name of the output.
+    - `dense_step`: the latest accepted step; `saved`: saved states that the host has not read yet.
+      Both are ``None`` unless states are saved.
+    """
 
     step: Step
     tallies: dict[str, PyTree]
@@ -124,11 +138,11 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Whether the run has not ended."""
+        """Return whether the run goes on: before `end_time`, s, and without failure."""
         return running(self.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """The buffers of crossings and of impacts, by the log that each fills."""
+        """Return the buffers of crossings and of impacts, by the name of the log."""
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in self.crossings.items()}
         for name, record in self.impacts.items():
             for joint, family in record.items():
@@ -138,12 +152,21 @@ class Lane(eqx.Module):
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of a contact's impacts; no output has such a name."""
+    """Return the name of the log of a contact's impacts, such as "hits/pin V".
+
+    It differs from the names of all outputs. `name`: name of the output, a table of impacts.
+    """
     return f"{name}/{contact_label(joint, contact)}"
 
 
 class Outcome(eqx.Module):
-    """How a lane's run ended, its final state and the results of its reductions."""
+    """Results of a lane.
+
+    - `time`: s, the time at which the run ended; `result`: its result code.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `final`: the state at the end.
+    - `results[name][part]`: results of the reductions.
+    """
 
     time: Scalar
     result: RESULTS
@@ -156,8 +179,9 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
 ) -> Lane:
-    """Return the lane before its first step."""
-    # A lane whose state violates the constraints ends at once, and the others run.
+    """Return the lane before its first step, at `start_time`, s, from a state in packed form."""
+    # A compiled lane cannot raise an error. If its state violates the constraints, it gets a result
+    # code with which it takes no step, and the other lanes run.
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
     step = begin_run(plan.method, system, state, start_time, request.end_time, request.first_step)
@@ -181,11 +205,16 @@ def begin_lane(
         _empty_dense_step(plan, system, step, request) if plan.saves else None,
         RowBuffer.like(row, ROWS) if plan.saves else None,
     )
+    # Without weak types, as the loop returns the lane: its program needs equal types on both sides.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> Lane:
-    """Take one step, unless the lane is at its end or waits for the host."""
+    """Return the lane after one turn.
+
+    In a turn, the lane tries one step, unless its run has ended, the lane waits for the host, or a
+    state within its latest step is still to be saved. After that, the lane saves at most one state.
+    """
     system = plan.scheme.system(scene)
     step, records = advance(
         plan.method,
@@ -225,7 +254,7 @@ def _recorders(plan: Plan, request: SegmentRequest) -> dict[str, Recorder]:
 
 
 def _updating(reduction: AbstractReduction) -> Recorder:
-    """Return the recorder of a reduction's tally."""
+    """Return the function that updates a reduction's tally after an accepted step."""
 
     def after(tally: PyTree, step_outcome: StepOutcome) -> PyTree:
         return choose(step_outcome.kept, reduction.update(tally, step_outcome.now), tally)
@@ -234,7 +263,10 @@ def _updating(reduction: AbstractReduction) -> Recorder:
 
 
 def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
-    """Return the recorder of the impacts of an output."""
+    """Return the function that updates the impacts of the output `name` after a step.
+
+    It records at most the requested number of rows of each contact.
+    """
 
     def after(record: ImpactRecord, step_outcome: StepOutcome) -> PyTree:
         wanted = {
@@ -247,7 +279,10 @@ def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Re
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane so far; it is final if the lane has ended."""
+    """Return the outcome of a lane so far. `end_time`: s, end of its run.
+
+    The outcome is final if the lane has ended.
+    """
     system = plan.scheme.system(scene)
     step = lane.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
@@ -265,7 +300,10 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 
 
 def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
-    """Whether a turn changes the lane: it has neither ended nor waits for the host."""
+    """Return whether the next turn changes the lane, by a step or by a saved state.
+
+    If not, the lane has ended or waits for the host.
+    """
     goes = _goes(plan, lane, request)
     if lane.saved is None:
         return goes
@@ -273,10 +311,11 @@ def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
-    """Whether a lane takes a step in this turn."""
+    """Return whether a lane tries a step in this turn."""
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
-        # The dense output of the latest step is needed until all times within it are saved at.
+        # A lane keeps the dense output of its latest step only. So it takes no step before the
+        # states at all times within that step are saved, or while the buffer of states is full.
         more = request.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, request))
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)
@@ -287,20 +326,21 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
-    """Return the first time in s at which no state is saved yet; infinite if there is none."""
+    """Return the next time to save at, s, infinite if states are saved at all times."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
-    """Whether the run has passed a time at which no state is saved yet."""
+    """Return whether the run has reached the next time to save at."""
     if lane.saved is None:
         return jnp.asarray(False)
     return _next_save(lane, request) <= lane.step.t
 
 
 def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
-    """Save the state at one time within the latest step, if there is one that is due."""
+    """Return the lane with the state at the next time to save at, if the run has reached that time
+    and the buffer has room."""
     if lane.saved is None:
         return lane
     assert lane.dense_step is not None
@@ -311,7 +351,8 @@ def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) 
 
 
 def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRequest) -> DenseStep:
-    """Return a dense step of length zero at the start."""
+    """Return a dense step of length zero at the start, with arrays of the shapes of later steps."""
+    # The stages' shapes depend on the solver; `eval_shape` finds them without computing a step.
     shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, request.end_time))
     row = Snapshot(step.t, step.y, step.entry_speeds)
     stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
@@ -320,7 +361,8 @@ def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRe
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
-    """Whether a state satisfies all ideal joints and the coordinates can represent it."""
+    """Return whether a packed state satisfies all ideal joints at time t, s, and whether the
+    coordinates of the run can represent this state."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)
@@ -335,7 +377,10 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
 
 
 def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
-    """Return the largest difference of the Euler parameters of two orientations, up to sign."""
+    """Return the largest difference between the Euler parameters of two orientations.
+
+    The signs are chosen for the smallest difference, since p and -p are the same orientation.
+    """
     pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
     alike = [jnp.abs(one - other) for one, other in pairs]
     opposite = [jnp.abs(one + other) for one, other in pairs]

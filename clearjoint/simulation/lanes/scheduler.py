@@ -1,6 +1,8 @@
-"""Scheduler of lanes: each column of a loop gets a new lane as soon as its lane has ended.
+"""Scheduler of lanes: it puts the runs of a batch into the columns of compiled loops.
 
-A batch has one group of columns, with its thread, for each core or accelerator.
+A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
+array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
+thread has one group. By default there is a thread for each core, or for each accelerator.
 """
 
 import threading
@@ -35,21 +37,23 @@ from .tasks import Columns, Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Seconds between two reports of progress and of lanes that have ended."""
+"""Largest time, s, between two reports of progress and of lanes that have ended."""
 KNOWN_SHARE = 0.01
 """Share of all work that must be done before the time left is estimated."""
 BLOCK_ROWS = 256
-"""Recorded rows that are read at once."""
+"""Largest number of recorded rows that one call of a compiled function converts to columns."""
 OnCells = BoundFunction | XlaFunction
-"""A function of cells (n, cells) of n lanes."""
+"""A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Lanes that have ended (host arrays with their number n in front).
+    """Results of n lanes that have ended, in NumPy arrays with n in front.
 
-    `lanes`: their numbers, (n,). `logs`: by log, the recorded columns by name, (n, rows, ...)
-    filled up with NaN, and the numbers of rows, (n,).
+    - `lanes`: (n,), the numbers of the lanes.
+    - `outcome`: the outcomes of the lanes.
+    - `logs[log]`: a pair of the recorded columns by name, (n, rows, ...) filled up with NaN, and of
+      the numbers of recorded rows, (n,).
     """
 
     lanes: np.ndarray
@@ -61,8 +65,10 @@ class Ended:
 class Running:
     """Progress of the lanes that have begun and not ended.
 
-    `lanes`: their number; `earliest` and `latest`: the times they have reached, s; `seconds_left`:
-    estimated time until all lanes of the batch have ended, ``None`` if there is no estimate yet.
+    - `lanes`: the number of these lanes.
+    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached.
+    - `seconds_left`: s, estimated computing time until all lanes of the batch have ended; ``None``
+      if there is no estimate yet.
     """
 
     lanes: int
@@ -72,11 +78,15 @@ class Running:
 
 
 class Batch:
-    """Runs lanes: in native code on CPUs where possible, else by XLA.
+    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA.
 
-    **Arguments:** `common`: data that all lanes share; `tasks`: data of the lanes, with the lanes
-    in front of every array (host arrays); `threads`: number of threads, as set by
-    `clearjoint.configure` unless given.
+    **Arguments:**
+
+    - `common`: data that all lanes share.
+    - `tasks`: data of the L lanes, a `Task` of NumPy arrays with L in front.
+    - `threads`: number of threads, as set by `clearjoint.configure` unless given.
+
+    `lengths[log]`: largest number of rows of each log.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
@@ -88,7 +98,7 @@ class Batch:
         if tasks.save_at is not None:
             self.lengths[common.saved] = tasks.save_at.shape[1]
         self.turns = 0
-        """Turns so far, counted for every column, also the empty ones."""
+        """Number of turns so far, the sum over all columns, including empty columns."""
 
     def run(
         self,
@@ -96,10 +106,11 @@ class Batch:
         on_ended: Callable[[Ended], None],
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> None:
-        """Run the lanes with the given numbers, which begin in this order.
+        """Run some lanes of the batch.
 
-        `on_ended` receives lanes soon after they have ended, while others run; `on_progress` is
-        called several times a second.
+        **Arguments:** `lanes`: numbers of the lanes, in the order in which they begin; `on_ended`:
+        receives lanes soon after they have ended, while others still run; `on_progress`: receives
+        the progress several times a second. Both are called in this thread.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
         has received all lanes that had ended.
@@ -138,12 +149,16 @@ class Batch:
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    - `own`: (lanes, cells), data of each lane: its task, and then its request, whose cells in a
-      column are those in `request`.
-    - `begin`, `outcome`, `columns[log]`: factories, since each thread needs its own functions;
-      `outcome_cells`, `column_cells[log]`: layout of their results.
-    - `buffers`: by log, the cells of a buffer's rows in a column, (rows, numbers), and of its
-      count; `blocks`: by log, rows that are read at once, and the numbers in each.
+    - `loop`: the loop over lanes.
+    - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
+    - `task_cells`: number of cells of a task.
+    - `request`: a `SegmentRequest` whose leaves are the indices of the request's cells in a column.
+    - `begin`, `outcome`, `columns[log]`: functions that make the compiled functions for a lane's
+      start, its outcome, and the columns of a log. Each thread needs functions of its own.
+    - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
+    - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
+      and of its count.
+    - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
     def __init__(self, batch: Batch, native: bool):
@@ -200,7 +215,7 @@ class _Programs:
 
     @staticmethod
     def _first_requests(batch: Batch) -> SegmentRequest:
-        """Return the first requests of all lanes, with the lanes in front of each array."""
+        """Return the first request of each of the L lanes, with L in front of each array."""
         common, tasks = batch.common, batch.tasks
         count = len(tasks.end_time)
         window = np.full((count, WINDOW), np.inf)
@@ -213,7 +228,11 @@ class _Programs:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: its number, and by log the rows that the host has read."""
+    """A lane in a column.
+
+    - `number`: the lane's number in the batch.
+    - `rows[log]`: arrays (n, numbers) of rows that the host has read, in the order of reading.
+    """
 
     number: int
     rows: dict[str, list[np.ndarray]]
@@ -241,9 +260,11 @@ class _Record:
 class _Shared:
     """State that the groups of a batch share.
 
-    - `waiting`: numbers of the lanes that have not begun; `records`: lanes that have ended;
-      `times`: times that running lanes have reached, s, by number of the lane.
-    - `finished`: set when a group has ended; `stops`: whether all groups are to stop.
+    - `waiting`: numbers of the lanes that have not begun.
+    - `records`: lanes that have ended and that were not handed over yet.
+    - `times[number]`: s, simulated time that each running lane has reached.
+    - `finished`: set when a group has ended.
+    - `stops`: whether all groups are to stop.
     """
 
     batch: Batch
@@ -258,8 +279,9 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Return the numbers of up to `count` lanes to begin."""
+        """Remove and return the numbers of the next lanes to begin, at most `count`."""
         found: list[int] = []
+        # Several threads take lanes at a time: to test for emptiness first would be a race.
         try:
             while len(found) < count:
                 found.append(self.waiting.popleft())
@@ -268,7 +290,7 @@ class _Shared:
         return found
 
     def running(self) -> Running:
-        """Return the progress of the lanes."""
+        """Return the progress of the batch, with the estimated time left."""
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -280,7 +302,12 @@ class _Shared:
 
 
 class _Group:
-    """A group of columns, and the thread that runs the lanes in them."""
+    """A group of columns, whose lanes one thread runs.
+
+    - `turns`: number of turns so far, the sum over all columns.
+    - `error`: the exception that ended the thread, or ``None``.
+    - `ended`: whether the thread has ended.
+    """
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -289,7 +316,7 @@ class _Group:
         self.turns, self.error, self.ended = 0, None, False
 
     def run(self) -> None:
-        """Run lanes until none is left or the groups are to stop."""
+        """Run lanes until none is left or the groups are to stop; keep an exception in `error`."""
         try:
             with _on_device(self._number):
                 programs = self._programs
@@ -305,7 +332,7 @@ class _Group:
         self._shared.finished.set()
 
     def _filled(self) -> bool:
-        """Begin waiting lanes in empty columns; return whether any column has a lane."""
+        """Begin waiting lanes in the empty columns, and return whether any column has a lane."""
         empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
@@ -337,7 +364,7 @@ class _Group:
             self._end(ended)
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
-        """Read and empty the buffers of a column, and update its request."""
+        """Read and empty the buffers of a lane, and update its request for the next rows."""
         floats, whole = self._columns.floats, self._columns.whole
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
@@ -351,7 +378,7 @@ class _Group:
                 whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
-        """Return the next times to save at in s, filled up with infinity."""
+        """Return the next `WINDOW` times to save at, s, filled up with infinity."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
             first = slot.recorded(batch.common.saved)
@@ -360,7 +387,7 @@ class _Group:
         return window
 
     def _end(self, columns: list[int]) -> None:
-        """Hand over the outcomes of the lanes in some columns, and empty the columns."""
+        """Record the results of the lanes in some columns, and mark the columns as empty."""
         slots = [slot for column in columns if (slot := self._slots[column])]
         tasks = self._programs.own[[slot.number for slot in slots], : self._programs.task_cells]
         states = self._columns.floats[self._loop.state_cells, columns].T
@@ -373,7 +400,12 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the cells of the reported columns of a log, block by block, and its row count."""
+        """Convert the recorded rows of a log to its reported columns.
+
+        **Arguments:** `name`: of the log; `rows`: arrays (n, numbers); `task`: (cells,), the lane.
+
+        **Returns:** the columns' cells, (blocks, cells), and the number of rows.
+        """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
@@ -438,7 +470,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
 
 
 def _on_device(number: int) -> AbstractContextManager[object]:
-    """Return a context in which a thread computes on its accelerator, if there are any."""
+    """Return a context in which thread `number` computes on its accelerator, if there are any."""
     if jax.default_backend() == "cpu":
         return nullcontext()
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
@@ -446,7 +478,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @Native
 def _begun(common: Common, task: Task) -> Lane:
-    """Return a lane before its first step."""
+    """Return a lane before its first step, with an empty window of times to save at."""
     request = SegmentRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )
@@ -456,7 +488,7 @@ def _begun(common: Common, task: Task) -> Lane:
 
 @Native
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    """Return the outcome of a lane, with its state in packed form."""
+    """Return the outcome of a lane, with its final state in packed form."""
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
 
 
@@ -464,20 +496,24 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> Columns:
-    """Return the reported columns of rows of a log."""
+    """Return the reported columns of recorded rows of a log.
+
+    **Arguments:** `shared`: data of all lanes, name of the log, and a record of it as an example of
+    its structure; `task`: the lane; `rows`: (R, numbers).
+    """
     common, name, example = shared
     return common.columns_of(name, example, task, rows)
 
 
 class _Loops:
-    """The native loops of a process, by structure; each is compiled once."""
+    """Cache of the native loops of a process: one for each structure of data, static values too."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._loops: dict[Hashable, LaneLoop] = {}
 
     def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
-        """Return the loop for lanes of a structure."""
+        """Return the loop for lanes with the structure, shapes and types of the arguments."""
         trees = common, own, lane
         leaves, structure = jax.tree.flatten(trees)
         key = (

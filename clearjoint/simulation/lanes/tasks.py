@@ -18,14 +18,17 @@ from ..step.types import Numbers
 from .lane import Lane, Plan
 
 Columns = dict[str, Scalar]
-"""Reported numbers of one row, or of many rows, by name."""
+"""Reported columns of a log by name: numbers of one row, or arrays (R,) for R rows."""
 
 
 class Task(eqx.Module):
     """Data of one lane.
 
-    `varied`: leaves of the scene that differ between lanes; `state`: the initial state, packed;
-    `end_time` and `first_step` in s; `save_at`: (K,) s, rising, or ``None``.
+    - `varied`: a tree like that of the scene, with the leaves that differ between lanes, and
+      ``None`` instead of the other leaves.
+    - `state`: the initial state, in packed form.
+    - `end_time`, `first_step`: s, end of the run and length of its first step.
+    - `save_at`: (K,) s, rising, times to save at, or ``None``.
     """
 
     varied: PyTree
@@ -38,13 +41,15 @@ class Task(eqx.Module):
 class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
-    - `folded_scene`: the base scene, whose varied leaves each lane replaces; `start_time`: s.
-    - `capacity`: largest number of rows, by log of a section or of a contact's impacts.
-      `channels[log][name]`: quantities to report of each recorded state; `saved`: name of the log
-      of saved states.
-    - `tables`: logs of the contacts of each table of impacts, by the table's name.
-    - `programs`: fingerprints of the traced programs, if known. A compiled program is reused only
-      for equal fingerprints, so that none runs that was traced from code since changed.
+    - `plan`: method and outputs.
+    - `folded_scene`: the base scene, some leaves of which each lane replaces.
+    - `start_time`: s.
+    - `capacity[log]`: largest number of rows of each log of crossings or impacts.
+    - `channels[log][name]`: quantities to report for each recorded state.
+    - `saved`: name of the log of saved states.
+    - `tables[name]`: for each table of impacts, the logs of its contacts.
+    - `programs`: digests of the traced programs, if known. A compiled program is reused only for
+      equal digests, so that no program runs that was traced from code that has changed since.
     """
 
     plan: Plan
@@ -62,7 +67,7 @@ class Common(eqx.Module):
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
-        """Return the scene of a lane, in scalar form."""
+        """Return the scene of a lane, in scalar form, with the lane's own leaves."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
 

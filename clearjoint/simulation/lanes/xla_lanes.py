@@ -1,7 +1,7 @@
 """Loop over lanes compiled by XLA, for accelerators and for CPUs without native code.
 
-All programs have a fixed number of lanes, so that the arithmetic of a lane does not depend on the
-other lanes.
+All programs compute a fixed number of lanes, so that the rounding in a lane does not depend on the
+number of other lanes.
 """
 
 from collections.abc import Callable
@@ -20,20 +20,26 @@ from ...native.lanes import AbstractLaneLoop, Columns
 from ...native.lowering import Region
 
 ON_CPU, ON_ACCELERATOR = 64, 4096
-"""Lanes side by side."""
+"""Number of lanes side by side in one program."""
 TURNS = 256
 """Largest number of turns before a loop returns."""
 WAITING = 8
-"""A loop returns when one lane in `WAITING` needs its host."""
+"""A loop returns to Python when at least one in `WAITING` of its lanes can't go on without it."""
 
 
 def width() -> int:
-    """Return the number of lanes side by side on a device of this process."""
+    """Return the number of lanes that one program computes side by side on JAX's default device."""
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 
 class XlaLaneLoop(AbstractLaneLoop):
-    """A loop compiled by XLA; arguments as of `clearjoint.native.lanes.LaneLoop`."""
+    """A loop over lanes compiled by XLA.
+
+    **Arguments:** `turn(shared, own, state)` returns the state of a lane after a turn;
+    `status(shared, own, state)` returns scalars by name, among them "goes", which is false if the
+    lane waits for Python. `shared`, `own`, `state`: examples of the data of all lanes, the data of
+    one lane, and the state of one lane, as PyTrees of arrays.
+    """
 
     def __init__(
         self,
@@ -55,12 +61,15 @@ class XlaLaneLoop(AbstractLaneLoop):
         }
 
     def columns(self, shared: PyTree) -> Columns:
-        """Return the memory of a group of lanes, all columns empty."""
+        """Return the memory for a group of lanes, with all columns empty."""
         del shared  # which is the same in all calls
         return Columns(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Columns) -> int:
-        """Take turns until some of the lanes need their host; return the number of turns."""
+        """Take turns until some lanes wait for Python, at most `TURNS`; return their number.
+
+        The states and the status of all lanes are updated in `columns`.
+        """
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.whole[self.occupied] > 0
@@ -81,7 +90,13 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 
 class XlaFunction:
-    """A function of lanes, compiled by XLA; see `clearjoint.native.functions.BoundFunction`."""
+    """A function of the data of lanes, compiled by XLA, which maps cells to cells.
+
+    **Arguments:** `function(shared, *trees)` is computed for one lane; `shared`: data that all
+    lanes share; `examples`: examples of the `trees`, for their structures and shapes.
+
+    `results`: layout of the cells of a result.
+    """
 
     def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared
@@ -90,7 +105,10 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the cells of the results, (n, results.size), for arguments in (n, cells)."""
+        """Return the cells of n results, (n, results.size).
+
+        **Arguments:** `rows`: (n, cells), for each lane the cells of all trees in turn.
+        """
         found, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         for first in range(0, len(rows), width):
@@ -103,7 +121,7 @@ class XlaFunction:
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """Return a PyTree with zeros instead of the shapes of arrays."""
+    """Return a PyTree in which arrays of zeros replace the leaves of type `ShapeDtypeStruct`."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )
@@ -116,7 +134,14 @@ def _turns(
     state: PyTree,
     occupied: jax.Array,
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
-    """Return the number of turns taken, and state and status of all lanes after them."""
+    """Take turns of all lanes until some wait for Python.
+
+    **Arguments:** `functions`: those for a turn and for the status of one lane; `own`, `state`:
+    data and states of the lanes, with their number n in front; `occupied`: (n,), whether each
+    column has a lane.
+
+    **Returns:** the number of turns, and the states and status of all lanes after them.
+    """
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:

@@ -1,1 +1,1 @@
-"""Time stepping with rigid contacts (Moreau and Jean)."""
+"""Simulation with rigid contacts, whose impacts have no duration, by Moreau and Jean's method."""

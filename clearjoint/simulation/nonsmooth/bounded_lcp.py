@@ -1,7 +1,8 @@
 """Linear complementarity problem with bounds, for impulses at contacts.
 
-Find x between bounds with y = W x + q such that y >= 0 where x is at its lower bound, y <= 0 at its
-upper one, and y = 0 between. The solution is the minimum of the energy x W x/2 + q x.
+Find impulses x (N s) between bounds, for which the velocities y = W x + q (m/s) satisfy y >= 0
+where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. W is
+symmetric and positive semidefinite. The solution is the minimum of the energy x W x/2 + q x, in J.
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
@@ -24,17 +25,20 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""Tolerance of the residual."""
+"""Relative residual at which the iteration ends; it takes at most `ITERATIONS` iterations."""
 RELATIVE_SHIFT = 1e-11
-"""Relative shift of the diagonal, which makes dependent rows solvable."""
+"""Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
 
 
 class BoxProblem:
-    """The matrix W by its lower triangle, and the bounds of the impulses.
+    """A problem of n rows: the matrix W, and bounds of the impulses.
 
-    A row with equal bounds is fixed there, and its velocity is not constrained. A diagonal that
-    vanishes, as of a contact without a normal, counts as 1.
+    **Arguments:** `matrix`: lower triangle of W, row i with i + 1 numbers, 1/kg; `lower`, `upper`:
+    n numbers, N s, which may be infinite.
+
+    A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
+    diagonal element that is zero, as of a contact without a normal, counts as 1.
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
@@ -49,9 +53,12 @@ class BoxProblem:
         ]
 
     def solve(self, start: Sequence[Scalar]) -> tuple[Impulses, Scalar]:
-        """Return x for q, given as `start`, and the residual.
+        """Return the impulses x, and the residual of the conditions.
 
-        The residual is the largest violation over the largest q of a row that is not fixed.
+        **Arguments:** `start`: the n velocities q without impulses, m/s.
+
+        **Returns:** n impulses in N s, and the largest violation of a condition, relative to the
+        largest magnitude of q among rows that are not fixed.
         """
         scale = self._scale(start)
 
@@ -88,14 +95,18 @@ class BoxProblem:
         return jnp.clip(x - velocity / self._diagonal[i], self._lower[i], self._upper[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses after one sweep of projected Gauss-Seidel."""
+        """Return the impulses x after one sweep of projected Gauss-Seidel over all rows."""
         swept = list(x)
         for i in range(len(swept)):
             swept[i] = self._clipped(i, swept[i], add(inner(self._row(i), swept), start[i]))
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the minimum of the energy over the rows that no bound holds."""
+        """Return the impulses after Newton steps, which minimise the energy over the free rows.
+
+        A row is free unless its impulse is at a bound and its velocity has the sign that the
+        conditions demand there.
+        """
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
@@ -136,7 +147,10 @@ class BoxProblem:
     def _to_least(
         self, x: Impulses, free: Sequence[Condition], start: Sequence[Scalar]
     ) -> Impulses:
-        """Return the change of the free rows that makes their velocities zero."""
+        """Return the change of the impulses, N s, after which free rows have zero velocity.
+
+        The change of the other rows is zero.
+        """
         velocities = self._velocities(x, start)
         matrix = [
             [*(jnp.where(free[i] & free[j], row[j], 0.0) for j in range(i)), row[i]]
@@ -147,7 +161,7 @@ class BoxProblem:
         )
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return the share of its change that the bounds of each row allow, at most 1."""
+        """Return for each row the share of its change that its bounds allow, 0 to 1."""
         shares: list[Scalar] = []
         for a, d, lower, upper in zip(x, change, self._lower, self._upper, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
@@ -168,7 +182,7 @@ class BoxProblem:
 
 
 def largest(numbers: Sequence[Scalar]) -> Scalar:
-    """Return the largest magnitude of some numbers."""
+    """Return the largest magnitude of some numbers; 0 for an empty list."""
     magnitude: Scalar = 0.0
     for number in numbers:
         magnitude = jnp.maximum(magnitude, jnp.abs(number))

@@ -1,11 +1,14 @@
-"""Contact problem of one time step: directions, Delassus' matrix and impulses.
+"""Contact problem of one time step: the impulses at closed rigid contacts.
 
-Along the normal of each closed contact holds Signorini's condition with Newton's restitution:
-U+ + e U- >= 0, P >= 0, one of them zero. Across it holds Coulomb's law of friction, with a pyramid
-of two directions in place of the cone. The first direction is along the slip, which makes it exact
-in planar motion. Normal and tangential impulses are solved alternately, each for the latest values
-of the other (P. D. Panagiotopoulos, A nonlinear programming approach to the unilateral contact and
-friction boundary value problem, 1975).
+Along the normal of each closed contact, Signorini's condition with Newton's restitution e holds:
+the velocities U- before and U+ after the step (positive if the contact opens) and the impulse P
+satisfy U+ + e U- >= 0, P >= 0, and at least one of the two is zero. Across the normal, Coulomb's
+law of friction holds, with a pyramid of two directions in place of the cone. The first direction is
+along the slip, so that the pyramid is exact in planar motion.
+
+Velocities depend linearly on impulses by Delassus' matrix. Normal and tangential impulses are
+solved alternately, each for the latest values of the other (P. D. Panagiotopoulos, A nonlinear
+programming approach to the unilateral contact and friction boundary value problem, 1975).
 """
 
 from collections.abc import Sequence
@@ -30,7 +33,8 @@ from .bounded_lcp import BoxProblem, Impulses, largest
 
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
-"""Tolerance of the alternation between normal and tangential impulses."""
+"""Relative residual at which the alternation between normal and tangential impulses ends, and
+largest number of its turns (`ALTERNATIONS`)."""
 FAST = 1e3
 """Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated."""
 
@@ -39,11 +43,14 @@ LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 
 
 class Alternation(NamedTuple):
-    """One turn of the alternation between normal and tangential impulses.
+    """State after a turn of the alternation between normal and tangential impulses.
 
-    `normal`, `tangential`: its impulses; `residual`: their residual; `turns`: number of turns so
-    far; `tried`: tangential impulses for the next turn; `change`: change of the tangential impulses
-    in this turn; `factor`: the factor that extrapolated it.
+    - `normal`, `tangential`: the impulses that the turn has found, N s.
+    - `residual`: their relative residual.
+    - `turns`: number of turns so far.
+    - `tried`: tangential impulses with which the next turn begins, N s.
+    - `change`: tangential impulses less those with which this turn began, N s.
+    - `factor`: the factor by which `change` was extrapolated to obtain `tried`.
     """
 
     normal: Impulses
@@ -57,10 +64,14 @@ class Alternation(NamedTuple):
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact at a configuration.
+    """One contact at given positions of the bodies.
 
-    `gap`: m, negative if closed; `clearance`: of the bearing, m; `normal`: row whose rate is the
-    opening velocity; `slip`: rows of the slip velocities; `coefficient`: Coulomb's.
+    - `joint`, `label`: name of the joint and label of the contact.
+    - `gap`: m, negative if the surfaces overlap.
+    - `clearance`: m, of the bearing; ``None`` without a bearing.
+    - `normal`: a row whose rate is the opening velocity, m/s.
+    - `slip`: two rows whose rates are slip velocities, m/s; empty without friction.
+    - `coefficient`: Coulomb's coefficient of friction.
     """
 
     joint: str
@@ -73,7 +84,7 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts of a scene's joints at a configuration."""
+    """Return all contacts of a scene's joints, open or closed, at the positions of `motions`."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -87,7 +98,10 @@ def _touch(
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
-        """Return the row of the velocity of the second body relative to the first."""
+        """Return the row whose rate is the relative velocity of the second body along a direction.
+
+        The velocities are those of the two points at which contact forces act.
+        """
         first, second = joint.pair()
         pairs = {
             second: motions[second].wrench(direction, on_second),
@@ -96,6 +110,7 @@ def _touch(
         return Row(0.0, pairs, 0.0)
 
     normal = row(-contact.normal)
+    # A contact that acts as a couple has other wrenches than a force along the normal.
     if contact.turning is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
     size = -contact.gap.depth, contact.gap.clearance
@@ -111,7 +126,7 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the direction of the slip, or any across the normal if there is none."""
+    """Return the unit vector along the slip velocity, or a direction across the normal at rest."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     rests = speed == 0.0
@@ -120,7 +135,14 @@ def _slip_direction(slip: Vector, normal: Vector) -> Vector:
 
 
 class ContactProblem:
-    """Delassus' matrix of all contacts: changes of velocity by impulses, with ideal joints kept."""
+    """Changes of contact velocities by contact impulses (Delassus' matrix), with ideal joints kept.
+
+    **Arguments:** `mechanics`: masses and Jacobians of the system at the positions in the middle of
+    the step; `contacts`: all contacts there; `t`: s, the middle of the step.
+
+    `rows`: the normal row of each contact, then the rows of slip of each contact. All lists of
+    velocities and impulses have this order.
+    """
 
     def __init__(
         self,
@@ -133,10 +155,11 @@ class ContactProblem:
         projected = [mechanics.projected(row.jacobian) for row in rows]
 
         def free_response(direction: Speeds) -> Speeds:
-            """Return the change of the speeds by a unit impulse that the ideal joints allow."""
+            """Return the change of the speeds by a unit impulse, with impulses of ideal joints."""
             rates = mechanics.solved(direction)
             if not projected:
                 return rates
+            # The joints' own impulses cancel the velocities that would violate their constraints.
             targets = [-inner(row, rates) for row in projected]
             change, _ = response(mechanics, projected, targets, system.formulation.solver())
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
@@ -153,7 +176,7 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Return the velocities along all rows, m/s, of bodies that move as given.
+        """Return the velocities along all rows, m/s, for given motions of the bodies.
 
         The list has the order of `rows`: first the opening velocity of each contact, then both
         slip velocities of each contact that can have friction.
@@ -214,7 +237,7 @@ class ContactProblem:
     def impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Return normal and tangential impulses of the closed contacts in N s, and the residual.
+        """Return impulses at the closed contacts along all rows in N s, and the relative residual.
 
         The residual is the largest violation over the largest velocity of a closed contact.
 
@@ -268,10 +291,12 @@ class ContactProblem:
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
-    """Return the factor for a change of the tangential impulses, by Aitken's method.
+    """Return the factor by which to extrapolate a change of the tangential impulses (N s).
+
+    Aitken's method finds the factor from the changes in this turn and in the last turn.
 
     See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without
-    it, bases that stick and share axial impulses need thousands of turns.
+    extrapolation, bases that stick and share axial impulses need thousands of turns.
     """
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
@@ -281,5 +306,5 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    """Return the largest magnitude of the numbers that are live."""
+    """Return the largest magnitude among the numbers whose condition in `live` is true."""
     return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])

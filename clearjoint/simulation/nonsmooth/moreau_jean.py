@@ -7,14 +7,17 @@ middle of the step,
     q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
     q+ = q + h H(q_m) (u + u+)/2,
 
-where a contact is closed if its gap at q_m is not positive. A predictor gives the velocity in F, so
-that smooth motion has second order; constraints hold on accelerations, as in `simulate`. Without a
-force the velocity of a contact is reversed exactly, so that the energy after an impact is that of
-the restitution for any step length.
+with positions q and speeds u before the step, q+ and u+ after it, the length h, rates of positions
+H u, mass matrix M, forces F, and impulses P along the directions D of the contacts. A contact is
+closed if its gap at q_m is not positive. A predictor gives the velocity in F, so that smooth motion
+has second order. Ideal joints are kept by constraints on accelerations, as in `simulate`. If no
+force acts, the velocity of a contact after an impact is exactly the restitution times its approach
+velocity, for any step length.
 
-A closed contact may stay penetrated by half a step of its approach. If it has not opened by the end
-of the next step, the positions are projected out of the wall, in the metric of the masses
-(V. Acary, Projected event-capturing time-stepping schemes, 2013).
+A closed contact may stay penetrated by its approach in half a step. If at its velocity after the
+impact the contact would still be penetrated in the next step, the positions are projected out of
+the wall, in the metric of the masses (V. Acary, Projected event-capturing time-stepping schemes,
+2013).
 """
 
 from collections.abc import Sequence
@@ -32,19 +35,24 @@ from ...math.vectors import Condition, EulerParameters, Scalar, add, multiply
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
-"""Largest relative residual of the contacts in a step that counts as solved."""
+"""Largest relative residual with which the contact problem of a step counts as solved."""
 
 
 class Rigid(eqx.Module):
-    """A system, and the restitution of its contacts by joint and contact."""
+    """A system with rigid contacts; `restitution[joint][contact]`: Newton's coefficients."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
 
 
 class ContactStep(eqx.Module):
-    """One contact in a step: normal impulse in N s, opening velocity before the step in m/s,
-    dissipated energy in J, and penetration in the middle of the step in m."""
+    """One contact in a step.
+
+    - `impulse`: N s, normal impulse, zero or positive.
+    - `opening`: m/s, velocity before the step, positive if the contact opens.
+    - `dissipated`: J, energy dissipated by the normal impulse and by friction.
+    - `penetration`: m, in the middle of the step; zero if the contact is open there.
+    """
 
     impulse: Scalar
     opening: Scalar
@@ -53,10 +61,13 @@ class ContactStep(eqx.Module):
 
 
 class StepEnd(eqx.Module):
-    """The variables at the end of a step, and its contacts.
+    """Result of a step.
 
-    `residual`: largest violation of the contacts' laws, over their largest velocity; `solved`:
-    whether it is small; `shallow`: whether no penetration exceeds the bearing's clearance.
+    - `variables`: the variables of the motion at its end.
+    - `contacts[joint][contact]`: each contact in the step.
+    - `residual`: largest violation of the contact conditions, over the largest contact velocity.
+    - `solved`: whether the residual is at most `SOLVED`.
+    - `shallow`: whether no penetration exceeds the bearing's clearance.
     """
 
     variables: MotionVariables
@@ -67,7 +78,11 @@ class StepEnd(eqx.Module):
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
-    """Take one step of length h from time t, s; breakpoints at t have passed."""
+    """Take one step.
+
+    **Arguments:** `variables`: positions and speeds at the start; `t`: s, the start of the step,
+    at which drivers and loads already have their values behind a breakpoint; `h`: s, its length.
+    """
     # Motion without contact, from which the gaps in the middle of the step follow.
     middle_time = t + 0.5 * h
     t = one_sided_time(rigid.system, t, t)
@@ -83,7 +98,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
             solved=jnp.asarray(True),
             shallow=jnp.asarray(True),
         )
-    # Each closed contact must open at least with its restitution times the approach velocity.
+    # Each closed contact must open at least with its restitution times the approach velocity. An
+    # aim is the opening velocity without impulses, less this smallest velocity.
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
@@ -112,8 +128,11 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return the variables at the middle of a step, with the speeds at its start, and with those at
-    its end if no contact is closed."""
+    """Return the motion without contact forces in the step from t to t + h, s.
+
+    **Returns:** two sets of variables, both with the positions in the middle of the step: the first
+    with the speeds at the start of the step, the second with the speeds at its end.
+    """
     half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
@@ -130,14 +149,19 @@ def _arrived(
     middle_time: Scalar,
     h: Scalar,
 ) -> MotionVariables:
-    """Return the positions after a step at the mean speeds, with the last speeds."""
+    """Return the variables after a step.
+
+    **Arguments:** `start`: variables before the step, of which the positions are used; `mean`:
+    variables in the middle of the step, with the speeds at which the positions move; `last`:
+    variables with the speeds after the step; `h`: s, length of the step.
+    """
     return rigid.system.with_speeds(
         _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
     )
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Whether no penetration exceeds the bearing's clearance."""
+    """Return whether no penetration exceeds the bearing's clearance."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
@@ -152,10 +176,14 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return the speeds that move contacts out of the wall by the end of a step, and the residual.
+    """Return additional speeds that move the positions so that contacts leave the wall.
 
-    Gaps are linearised in the displacement. `sinks`: velocities towards the wall that the forces
-    add in a step.
+    Gaps are linearised in the displacement. Only positions move with these speeds.
+
+    **Arguments:** `closed`: whether each contact is closed; `after`: m/s, opening velocities after
+    the impulses; `sinks`: m/s, velocities towards the wall that the forces add in the step; `h`: s.
+
+    **Returns:** the additional speeds, and the relative residual of the problem for them.
     """
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
@@ -175,12 +203,17 @@ def _contact_steps(
     before: Sequence[Scalar],
     after: Sequence[Scalar],
 ) -> dict[str, dict[str, ContactStep]]:
-    """Return the contacts of a step by joint and label."""
+    """Return the contacts of a step, steps[joint][label].
+
+    **Arguments:** `impulses`: N s; `before`, `after`: m/s, velocities before and after the step.
+    Each is a list in the order of `ContactProblem.rows`.
+    """
     # Positions move with the mean velocity, so that its product with the impulse is the work.
     works = [
         -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
     ]
     steps: dict[str, dict[str, ContactStep]] = {}
+    # The normal rows of all contacts come first, then the rows of slip of each contact.
     first = len(contacts)
     for k, touch in enumerate(contacts):
         last = first + len(touch.slip)
@@ -193,34 +226,34 @@ def _contact_steps(
 
 
 def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
-    """Return the time derivatives of the variables without contact forces."""
+    """Return the time derivatives of the variables at time t, s, without contact forces."""
     return rigid.system.dynamics_under(variables, {}, t).variable_rates
 
 
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return positions moved by their rates for a time, with Euler parameters of unit norm."""
+    """Return the variables with positions + time * rates, Euler parameters normalised."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return speeds changed by their rates for a time."""
+    """Return the variables with speeds + time * rates, and unchanged positions."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
 def _mean_speeds(
     system: System, first: MotionVariables, second: MotionVariables
 ) -> MotionVariables:
-    """Return variables of equal positions with the mean of their speeds."""
+    """Return the positions of `first` with the mean of the speeds of `first` and `second`."""
     half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
     return system.with_speeds(first, half)
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
-    """Return start + time * rate, of a PyTree of scalars."""
+    """Return start + time * rate for PyTrees of scalars, Euler parameters normalised."""
 
     def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):

@@ -1,4 +1,4 @@
-"""Restitution of rigid contacts: one value for all, or what each law delivers."""
+"""Restitution of rigid contacts: one value for all, or the restitution that each law delivers."""
 
 from ...fields.checks import require, require_range
 from ...math.vectors import Scalar
@@ -6,9 +6,10 @@ from ...model.scene import Scene
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
-    """Check that every contact has a restitution: the given one, 0 to 1, or its law's.
+    """Check that every contact has a restitution: the given number, or that of its contact law.
 
-    **Raises:** `ValueError` for another number, and for a law that does not report any.
+    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a law without a
+    method `delivered_restitution`.
     """
     if restitution is not None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
@@ -25,7 +26,11 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
-    """Return Newton's coefficient by joint and contact: the given one, or that of each law."""
+    """Return Newton's coefficients of restitution, restitutions[joint][contact].
+
+    **Arguments:** `restitution`: the coefficient of every contact, or ``None`` for the coefficients
+    that the contact laws deliver.
+    """
     return {
         name: {
             label: law.delivered_restitution() if restitution is None else restitution  # pyright: ignore

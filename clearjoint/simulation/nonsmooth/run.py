@@ -1,4 +1,7 @@
-"""A run with rigid contacts: equal steps from stop to stop, and what each contact did meanwhile."""
+"""A run with rigid contacts: equal steps from stop to stop, and totals of each contact.
+
+Stops are the start, the times to save at, and the end.
+"""
 
 from dataclasses import replace
 from functools import reduce
@@ -28,11 +31,18 @@ from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 
 DRIVER_TOLERANCE = 1e-5
-"""Relative, by which the changes of a driver in a step may differ from those by its rates."""
+"""Relative tolerance between the change of a driver in a step and the integral of its rate."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps; `touching`: whether each contact had an impulse in the last one."""
+    """A run between two steps.
+
+    - `t`: s; `variables`: the variables of the motion at t.
+    - `touching[joint][contact]`: whether the contact had an impulse in the last step.
+    - `totals[joint][contact]`: sums and extremes since the start of the run.
+    - `residual`: largest relative residual of the contact problem in any step.
+    - `result`: the result code so far; `steps`: number of steps.
+    """
 
     t: Scalar
     variables: MotionVariables
@@ -44,7 +54,7 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """Results at a time to save at; bodies in packed form."""
+    """State of a run at a stop: bodies in packed form, totals of the contacts, and result code."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
@@ -52,7 +62,10 @@ class RigidStop(eqx.Module):
 
 
 class RigidOutcome(eqx.Module):
-    """The end of a run with its bodies in packed form, and the stops except the first."""
+    """The end of a run, its bodies then in packed form, and its stops.
+
+    `stops`: all stops except the start, with their number in front of each array.
+    """
 
     end: RigidRun
     bodies: dict[str, BodyState]
@@ -68,10 +81,16 @@ def run(
     restitution: Scalar | None,
     admissible: Condition | None = None,
 ) -> RigidOutcome:
-    """Run a scene through rising stops in s, in steps of at most `longest` s.
+    """Run a scene from the first to the last stop.
 
-    **Arguments:** `restitution`: of every contact, or ``None`` for that of its law. `admissible`:
-    whether all numbers are within their ranges; ``None`` if they have been checked.
+    **Arguments:**
+
+    - `state`: the initial state, in packed form.
+    - `stops`: (S,) s, rising: the start, the times to save at, and the end.
+    - `longest`: s, length of the longest step.
+    - `restitution`: Newton's coefficient for every contact, or ``None`` for those of the laws.
+    - `admissible`: whether all numbers are within their ranges, otherwise the run ends at once;
+      ``None`` if the numbers have been checked.
     """
     system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
@@ -96,20 +115,26 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return stops and breakpoints together, rising, and the rows of the stops except the first.
+    """Return the times at which steps must end: stops and breakpoints together, rising, s.
 
-    Rows count from the second time, and are ``None`` without breakpoints.
+    **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
+    indices are ``None`` if there are no breakpoints.
     """
     elements = jax.tree.leaves(breakpoints(scene))
     if not elements:
         return stops, None
     inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
+    # A stop that is a breakpoint too is there twice. The last of equal times is the stop's row, as
+    # the velocities behind the breakpoint hold from there on.
     times = jnp.sort(jnp.concatenate([stops, *inside]))
     return times, jnp.searchsorted(times, stops[1:], side="right") - 2
 
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
-    """Return the run with the velocities that drivers prescribe from `stop` on."""
+    """Return the run at the time `stop`, s, with the velocities that drivers prescribe behind it.
+
+    Velocities change only if a driver has a breakpoint at `stop`. `start`: s, the time before it.
+    """
     since = since_breakpoints(system, start, stop)
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
     if not joints:
@@ -126,7 +151,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
-    """Run in equal steps from one stop to the next."""
+    """Run in equal steps, not longer than `longest`, from the time `start` to `stop`, all in s."""
     # A factor below 1, or rounding of the span would add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -142,7 +167,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    """Return the run before its first step."""
+    """Return the run before its first step, at the time t, s, with totals of zero."""
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     nothing = ContactTotals(none, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
@@ -158,8 +183,12 @@ def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
 
 
 def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
-    """Return the run after one more step, or as it was with a result code if the step failed."""
+    """Return the run after a step of length h from time t, s.
+
+    If the step fails, the run stays as it was, with the result code of the failure.
+    """
     end = advance(rigid, now.variables, t, h)
+    # A product with zero is zero for finite numbers alone.
     sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
     finite = sum(sums[1:], sums[0]) == 0.0
     touching = jax.tree.map(lambda one: one.impulse > 0.0, end.contacts, is_leaf=_is_contact)
@@ -189,7 +218,11 @@ def _is_contact(tree: object) -> bool:
 
 
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
-    """Add a step to the totals; `touched`: whether the step before had an impulse."""
+    """Return the totals of a contact after a step.
+
+    **Arguments:** `step`: the contact in this step; `touched`: whether it had an impulse in the
+    step before.
+    """
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
     return ContactTotals(

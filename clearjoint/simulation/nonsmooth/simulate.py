@@ -30,7 +30,7 @@ from .restitution import require_restitution
 from .run import RigidOutcome, run_compiled
 
 MOST_STEPS = 1e9
-"""Largest number of steps of a run; more would take hours."""
+"""Largest number of steps of a run. A run of more steps would take hours."""
 
 
 def simulate_nonsmooth(
@@ -48,31 +48,39 @@ def simulate_nonsmooth(
 ) -> NonsmoothSolution:
     """Simulate a scene with rigid contacts in fixed steps, by the midpoint rule of Moreau and Jean.
 
-    A contact of a joint is unilateral: it does not penetrate (except for half a step's approach),
-    separates after an impact with the law's *delivered* restitution times the approach speed, and
-    slides by Coulomb's law, with the coefficient of the friction law at high slip. There are no
-    stiffness, impact durations or peak forces, and a step may be far longer than an impact. An
-    impact happens in the middle of its step, so that its time, and with it every state, is known to
-    half a step: order one.
+    A rigid contact penetrates by no more than its approach in half a step. After an impact it
+    separates with a restitution times the approach speed; the restitution is that which the contact
+    law delivers (its method `delivered_restitution`). It slides by Coulomb's law, with the
+    coefficient of the friction law at high slip. There are no stiffnesses, impact durations or peak
+    forces, so that a step may be far longer than a real impact. An impact happens in the middle of
+    its step, so that the time of an impact is known to half a step, and all states have order one.
 
     A step ends at each breakpoint of a joint or force. Where a driver makes velocities jump, the
     change of the velocities has the least kinetic energy, as in `simulate`.
 
     The function works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But
-    derivatives across impacts are not those of the motion, since the step in which an impact
+    derivatives across impacts are not derivatives of the motion, since the step in which an impact
     happens does not change with the parameters.
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time`, `start_time`, `throw`: as of `simulate`; `coordinates`,
-      `redundant`: as of `Settings`.
-    - `step`: s, the longest step. Between two times to save at, steps are equal.
-    - `save`: the times at which to save the state; a step ends at each.
-    - `restitution`: Newton's coefficient of every contact, 0 to 1, instead of the delivered one.
+    - `scene`, `state`: the mechanism, and its initial state, which must satisfy the constraints.
+    - `end_time`, `start_time`: s.
+    - `save`: the times at which to save the state; a step ends at each of them. Nothing else can be
+      saved.
+    - `step`: s, length of the longest step. Between two times to save at, steps are equal.
+    - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, instead of the
+      restitutions that the laws deliver.
+    - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
+    - `redundant`: whether constraints depend on each other. By default this is determined from the
+      initial state; under a transformation of JAX the default is ``False``.
+    - `throw`: if the run fails, raise `SimulationError` instead of returning the failure's code.
+
+    **Returns:** a `NonsmoothSolution`.
 
     **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
-    restitution that it delivers; `SimulationError` for a run that fails: the contacts of a step
-    were not solved, a penetration exceeds the bearing's clearance, or the state is not finite.
+    restitution that it delivers; `SimulationError` for a run that fails: the contact problem of a
+    step was not solved, a penetration exceeds the bearing's clearance, or the state is not finite.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -96,6 +104,7 @@ def simulate_nonsmooth(
         check_numbers(scene, state)
         require_restitution(scene, restitution)
 
+    # Known numbers are checked now. Checks of traced numbers become a condition of the program.
     admissible = in_domain(check)
     if not traced:
         shortest = (float(end_time) - float(start_time)) / MOST_STEPS
@@ -123,7 +132,7 @@ def simulate_nonsmooth(
 def _stops(
     start_time: Scalar, times: ArrayLike | None, end_time: Scalar
 ) -> Float[jax.Array, " stops"]:
-    """Return the start, the times to save at and the end, s."""
+    """Return the start, the times to save at and the end in one array, s."""
     between = jnp.asarray([] if times is None else times)
     return jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
 
@@ -135,7 +144,11 @@ def _solution(
     formulation: Formulation,
     redundant_constraints: tuple[str, ...],
 ) -> NonsmoothSolution:
-    """Return the solution of a run; the states at the inner stops are the saved ones."""
+    """Return the solution of a run, with the states at the inner stops as saved states.
+
+    **Arguments:** `stops`: (S,) s, the start, the times to save at, and the end; `saves`: whether
+    times to save at were given.
+    """
     saved, history, count = None, None, None
     if saves:
         rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
@@ -160,7 +173,11 @@ def _solution(
 
 
 def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    """Return the solution, after warnings, and an error if it failed and `throw` is set."""
+    """Return the solution after a check of it.
+
+    **Warns:** of journals that have left their bearings. **Raises:** `SimulationError` if the run
+    failed and `throw` is set.
+    """
     saved = solution.saved
     rows = [] if saved is None else [(saved.times, saved.states)]
     warn_of_journals_outside(scene, solution.time, solution.final, rows)

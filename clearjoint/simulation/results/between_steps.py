@@ -1,8 +1,8 @@
 """States inside accepted steps by cubic Hermite interpolation.
 
-The velocities at both ends of a step are the rates of the positions, so that neither the solver nor
-the equations of motion are needed. In a step of length h the error is h^4/384 times the fourth
-derivative, far below the clearances. Free flight under gravity is exact.
+A state contains positions and their rates, the velocities, so that the interpolation needs neither
+the solver nor the equations of motion. In a step of length h the error of a position is h^4/384
+times its fourth derivative, far below the clearances. Free flight under gravity is exact.
 """
 
 # Hermite's polynomials are declared for scalars; they are elementwise in arrays.
@@ -17,13 +17,13 @@ from ...model.bodies import BodyState, State
 from ..step.spans import checked_times
 
 FINEST = 16
-"""Parts of the step in which the path of a body deviates most from its chord. The deviation falls
-with the square of this number: it is at most 1/256 of that in any part."""
+"""Number of parts into which the most curved step is divided for drawing. The distance of a path
+from its chord falls with the square of this number, to 1/256."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within a part, rad; a chord of a circle is then 3e-4 of the radius
-away from it."""
+"""Largest rotation of a body within a part of a step, rad. The chord of a circle's arc of this
+angle is at most 3e-4 of the radius away from the arc."""
 MOST = 64
-"""Largest number of parts of a step."""
+"""Largest number of parts into which a step is divided."""
 
 Times = Float[np.ndarray, " N"]
 Wanted = Float[np.ndarray, " M"]
@@ -31,14 +31,21 @@ Rows = Int[np.ndarray, " M"]
 
 
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
-    """Return the ends of all steps in s, and times inside those with a curved motion."""
+    """Return times in s at which states, joined by straight lines, look like a smooth curve.
+
+    They are the ends of all steps, and equidistant times inside each step whose motion is curved.
+
+    **Arguments:** `times`: (N,) s, the ends of the steps; `states`: the N states at these times.
+    """
     lengths = np.diff(times)
+    # `bend`: m, length times change of velocity: 8 times the distance of a parabola from its chord.
     bend, rotation = np.zeros(len(lengths)), np.zeros(len(lengths))
     for body in states.bodies.values():
         change = np.linalg.norm(np.diff(body.velocity, axis=0), axis=1)
         bend = np.maximum(bend, lengths * change)
         rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
+    # The distance from the chord falls with the square of the number of parts: hence the root.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
     part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -49,14 +56,15 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Return the states at given times between the first and the last step's end.
+    """Return the interpolated states at the times `wanted`, with M in front of each array.
 
-    Entry speeds are those at the step's start; deflections of bristles and integrals of the energy
-    ledger are interpolated linearly.
+    Motions of bodies are interpolated by cubic Hermite polynomials, deflections of bristles and
+    integrals of the energy ledger linearly. Entry speeds keep their values at the step's start.
 
-    **Arguments:** `times`: (N,) s, rising, N ≥ 2, of `states`. `wanted`: (M,) s.
+    **Arguments:** `times`: (N,) s, rising, N ≥ 2, the ends of the steps; `states`: the N states at
+    these times; `wanted`: (M,) s, between the first and the last of `times`.
 
-    **Raises:** `ValueError` for times outside.
+    **Raises:** `ValueError` for times outside this range.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
@@ -77,7 +85,11 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
-    """Return a body's states at the fractions x, (M, 1), of the steps that begin at rows `left`."""
+    """Return the states of a body at M instants inside steps.
+
+    **Arguments:** `left`: (M,), the row of `body` at which each instant's step begins; `x`: (M, 1),
+    the fraction of the step before the instant, 0 to 1; `h`: (M, 1) s, the length of the step.
+    """
     positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
     ends = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
     position, velocity = _along(*ends, x, h)
@@ -85,6 +97,7 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
     first, second = orientations[left], orientations[left + 1]
     # Both signs of Euler parameters are the same orientation: take the nearer one.
     sign = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    # Rate of the Euler parameters p for the spin w in body axes: p (0, w)/2.
     rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
     ends = Slope(first, rates[left]), Slope(sign * second, sign * rates[left + 1])
     orientation, rate = _along(*ends, x, h)
@@ -94,14 +107,19 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 
 
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the interpolant and its rate; those at the start for a step of length zero."""
+    """Return the cubic Hermite interpolants and their time derivatives, (M, components) each.
+
+    For a step of length zero they are the value and the rate at the start.
+
+    **Arguments:** `start`, `end`: values and rates at the ends of M steps; `x`, `h`: as of `_body`.
+    """
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
     return np.where(there, value, start.value), np.where(there, rate, start.rate)
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products of quaternions, (N, 4) each, scalar first."""
+    """Return the products, (N, 4), of two arrays of quaternions, (N, 4) each, scalar part first."""
     a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
     scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
     return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)

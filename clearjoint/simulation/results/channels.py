@@ -1,4 +1,4 @@
-"""Channels: quantities with their units, by name."""
+"""Channels: named quantities, each with the text of its unit."""
 
 from collections.abc import Mapping
 
@@ -7,12 +7,17 @@ from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 
 Channels = Mapping[str, tuple[Quantity, str]]
-"""Quantities with their units, by name."""
+"""Pairs of a quantity and the text of its unit, by name of the channel."""
 PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
 def check_channels(channels: Channels) -> None:
-    """Check that channels are quantities with units, with names that are valid for arrays."""
+    """Check that channels are pairs of a quantity and a unit, and that their names are valid.
+
+    A name must be usable as the name of an array, and differ from "time" and "count".
+
+    **Raises:** `ValueError` otherwise, and for an empty mapping.
+    """
     require_array_names("channels", channels, PASS_CHANNELS)
     fine = bool(channels) and all(
         isinstance(pair, tuple)
@@ -33,6 +38,9 @@ def check_channels(channels: Channels) -> None:
 
 
 def check_quantities(channels: Channels, scene: Scene) -> None:
-    """Check that a scene has the elements that the quantities name."""
+    """Check that a scene has the elements that the quantities of channels name.
+
+    **Raises:** `ValueError` that names the channel.
+    """
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NAMED = "joint", "contact"
-"""Columns that are names."""
+"""Columns of `Impacts` that contain names."""
 IMPACT_UNITS = {
     "onset": "s",
     "separation": "s",
@@ -24,19 +24,25 @@ IMPACT_UNITS = {
     "peak_time": "s",
     "largest_penetration": "m",
 }
-"""Units of the other columns."""
+"""Units of the columns of `Impacts` that contain numbers, by column."""
 
 
 @dataclass(frozen=True)
 class Impacts(AbstractTabular):
-    """Table of finished contacts in the order of their onsets; each field is a column.
+    """Table of the N finished contacts of a run, in the order of their onsets.
 
-    - `joint`, `contact`: names.
-    - `onset`, `separation`, `duration`, `peak_time`: s.
-    - `entry_speed`, `exit_speed`: m/s, both positive.
-    - `peak_force`: N, of the normal force; `largest_penetration`: m.
+    Each field is a column, an array (N,).
 
-    It is the result `simulate(..., save=Saving(impacts=True)).impacts`. By hand:
+    - `joint`, `contact`: name of the joint and label of the contact, such as "V".
+    - `onset`, `separation`: s, times at which the contact force began and ended.
+    - `duration`: s, from onset to separation.
+    - `entry_speed`, `exit_speed`: m/s, speeds of approach at the onset and of separation at the
+      end, both positive.
+    - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
+    - `largest_penetration`: m.
+
+    `simulate(scene, state, end_time, save=Saving(impacts=True)).impacts` is such a table. A table
+    can also be built from its columns:
 
     >>> columns = [np.array([name]) for name in ("pin", "V")]
     >>> numbers = 0.01, 0.0102, 0.0002, 0.1, 0.08, 900.0, 0.0101, 2e-6  # in the order above
@@ -61,7 +67,10 @@ class Impacts(AbstractTabular):
         return len(self.onset)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "impact", with units; see `AbstractTabular`."""
+        """Return the table as an `xarray.Dataset` along "impact", with a variable for each column.
+
+        See `AbstractTabular` for the export to other formats.
+        """
         names = {name: Labelled(("impact",), texts(getattr(self, name))) for name in NAMED}
         numbers = {
             name: Labelled(("impact",), getattr(self, name), unit, name.replace("_", " "))
@@ -72,7 +81,10 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """Return a table from rows with all fields, in any order."""
+        """Return the table of impacts that are given as rows, in any order of the rows.
+
+        **Arguments:** `rows`: tuples with a value for each field, in the order of the fields.
+        """
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
         text, numbers = columns[:2], columns[2:]
@@ -82,12 +94,16 @@ class Impacts(AbstractTabular):
         )
 
     def of(self, joint: str, contact: str) -> "Impacts":
-        """Return the impacts of one contact of a joint, both by name."""
+        """Return the table of the impacts of one contact.
+
+        **Arguments:** `joint`: name of the joint; `contact`: label of the contact, such as "V". The
+        table is empty for unknown names.
+        """
         chosen = (self.joint == joint) & (self.contact == contact)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
-        """Return the impacts that began from `after` on and before `until`, s.
+        """Return the table of the impacts with `after` <= onset < `until`, in s.
 
         For example, ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)``.
         """

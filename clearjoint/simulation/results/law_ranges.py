@@ -1,4 +1,4 @@
-"""Check of the penetrations of a run against the ranges of the contact laws."""
+"""Check whether contacts of a run were deeper than the ranges of validity of their laws."""
 
 from ...model.contact.limits import exceeded
 from ...model.scene import Scene
@@ -6,9 +6,14 @@ from .impact_table import Impacts
 
 
 def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
-    """Return a sentence for each contact whose penetrations exceed the range of its law.
+    """Return sentences on the contacts that were deeper than their laws are valid for.
 
-    It names joint, contact, law, quantity, limits and the largest value.
+    A sentence names the joint, the contact, the law, the limit of the penetration in the law's
+    range of validity, and the largest penetration of the contact.
+
+    **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
+
+    **Returns:** the sentences; an empty list if all contacts stayed within the ranges.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))

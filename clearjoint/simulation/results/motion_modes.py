@@ -4,7 +4,12 @@ import enum
 
 
 class MotionMode(enum.IntEnum):
-    """The paper's four modes of a journal in its bearing (Fig. 2).
+    """The four modes of a journal in its bearing, by which of its two bases touch the wall.
+
+    - `FREE_FLIGHT`: none of the bases touches.
+    - `ONE_BASE`: one base touches.
+    - `LINE_CONTACT`: both touch, on the same side of the bearing.
+    - `OPPOSITE_SIDES`: both touch, on opposite sides: the journal is tilted.
 
     >>> cj.results.MotionMode(2).name
     'LINE_CONTACT'

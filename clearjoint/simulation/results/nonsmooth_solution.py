@@ -1,4 +1,4 @@
-"""Solution of a run with rigid contacts."""
+"""Solution of a run with rigid contacts (`simulate_nonsmooth`)."""
 
 from typing import TYPE_CHECKING
 
@@ -31,16 +31,18 @@ TOTAL_UNITS = {
 
 
 class ContactTotals(AbstractReadable):
-    """Totals of a rigid contact since the start of the run.
+    """Sums and extremes of a rigid contact since the start of the run.
 
-    - `impacts`: number of steps with an impulse that follow a step without. A rolling contact may
-      hop, which counts each time.
-    - `impulse`: sum of the normal impulses, N s. There is no peak force, since an impact has no
+    Each field is a number, or an array (N,) in the `history` at N times.
+
+    - `impacts`: number of steps with a normal impulse that follow a step without one. A rolling
+      contact may hop, and each hop counts.
+    - `impulse`: N s, sum of the normal impulses. There is no peak force, since an impact has no
       duration.
-    - `dissipated`: energy dissipated by restitution and friction, J.
-    - `hardest`: largest impulse in a step, N s.
-    - `fastest`: largest approach speed of an impact, m/s.
-    - `penetration`: largest penetration in the middle of a step, m.
+    - `dissipated`: J, energy dissipated by restitution and friction.
+    - `hardest`: N s, largest normal impulse of a step.
+    - `fastest`: m/s, largest approach speed in a step with an impulse.
+    - `penetration`: m, largest penetration in the middle of a step.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
@@ -59,17 +61,23 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """The outcome of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`, `result`: as of `Solution`.
+    - `time`, `final`: the time in s at which the run ended, and the `State` at that time.
+    - `result`: the `RESULTS` code.
     - `steps`: number of steps.
-    - `saved`: the states at the requested times, and `history[joint][contact]` the `ContactTotals`
-      up to each of these times, both ``None`` if no times were requested. The first `saved_count`
-      rows were reached; the others repeat the last state.
-    - `contacts[joint][contact]`: the `ContactTotals` of the run.
-    - `residual`: largest violation of the contacts' laws in a step, over its largest velocity.
-    - `formulation`, `redundant_constraints`: as of `Solution`.
+    - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
+    - `history[joint][contact]`: the `ContactTotals` from the start up to each of these times, (N,)
+      each; ``None`` if no times were requested.
+    - `saved_count`: number of requested times that the run reached. Later rows of `saved` and
+      `history` repeat the last state.
+    - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
+    - `residual`: largest violation of the contact conditions in a step, relative to the largest
+      contact velocity of that step.
+    - `formulation`: coordinates and other choices of the equations of motion.
+    - `redundant_constraints`: names of constraint rows that depend linearly on others.
 
-    `observe` accepts it too, but its forces have no meaning. `to_xarray`, `to_dataframe`, `to_csv`
-    and `to_netcdf` export the saved states and the history.
+    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes then have no
+    meaning. `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the
+    history.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -90,7 +98,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return a few lines: how the run ended, its results, and the bodies' final states."""
+        """Return text: result, number of steps, impacts of each joint, final state of bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]
@@ -102,11 +110,13 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         return run_text(self, self.final, self.redundant_constraints, lines)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` of the saved states, see `Trajectory.to_xarray`.
+        """Return the saved states and the history of contacts as an `xarray.Dataset`.
 
-        The contacts' totals up to each time are included along "rigid_contact".
+        States have the variables and units of `Trajectory.to_xarray`. The fields of `ContactTotals`
+        are variables along "time" and "rigid_contact", with labels such as "pin V". Only times that
+        the run reached are included.
 
-        **Raises:** `ValueError` for a run that saved no states.
+        **Raises:** `ValueError` if no states were saved.
         """
         times = "pass times to simulate_nonsmooth()"
         require(self.saved is not None, "solution", "without saved states", "with some", times)

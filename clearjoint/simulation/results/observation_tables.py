@@ -1,4 +1,4 @@
-"""Observations along a trajectory as labelled arrays."""
+"""Conversion of an `Observation` to a dataset with dimensions, labels and units."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ CONTACT_PARTS = {
     "point_on_bearing": ("m", "contact point on the bearing, global"),
     "point_on_journal": ("m", "contact point on the journal, global"),
 }
-"""Unit and meaning of the parts of a contact's observation."""
+"""Unit and meaning of each field of a `ContactObservation`."""
 BODY_PARTS = {
     "acceleration": ("linear", "m/s^2", "of the centre of mass, global"),
     "angular_acceleration": ("angular", "rad/s^2", "of the body, body axes"),
@@ -38,7 +38,7 @@ ROWS = ("time",)
 
 @dataclass(frozen=True)
 class Observed:
-    """The parts of an `Observation`."""
+    """The fields of an `Observation`, which this module cannot import."""
 
     times: np.ndarray
     contacts: Mapping[str, Mapping[str, object]]
@@ -52,7 +52,7 @@ class Observed:
 
 
 def observation_dataset(observed: Observed) -> "xr.Dataset":
-    """Return the dataset of an observation; see `Observation.to_xarray`."""
+    """Return an observation as the dataset that `Observation.to_xarray` describes."""
     contacts = _flat(observed.contacts, contact_label)
     reactions = _flat(observed.reactions, lambda joint, body: f"{joint} on {body}")
     unique = "unique" if observed.reactions_unique else "of least norm, since joints are redundant"
@@ -89,7 +89,12 @@ def _flat(
 
 
 def _contacts(contacts: Mapping[str, object]) -> dict[str, Labelled]:
-    """Return each part that a contact has, with NaN for contacts without it."""
+    """Return an array for each field that any contact has, NaN for contacts that lack the field.
+
+    **Arguments:** `contacts`: a `ContactObservation` by contact label, such as "pin V".
+
+    **Returns:** arrays (time, contact), or (time, contact, component) for vectors, by field.
+    """
     found = {}
     for part, (unit, text) in CONTACT_PARTS.items():
         values = [getattr(contact, part) for contact in contacts.values()]

@@ -1,4 +1,4 @@
-"""Observation of a solution: contacts, modes, reactions, accelerations, drift and energies."""
+"""Contacts, reactions, accelerations, constraint drift and energies, computed from a solution."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -37,18 +37,21 @@ if TYPE_CHECKING:
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Number of states in a call of the compiled program."""
+"""Number of states that one call of the compiled program observes."""
 
 
 class ContactObservation(eqx.Module):
-    """One contact at N times.
+    """One contact of a clearance joint at N times.
 
-    - `penetration` in m and `penetration_rate` in m/s (eqs 13 and 21).
-    - `eccentricity` in m (eq. 11) and `offset`, (N, 3) m, the centre of the base in the frame of
-      the bearing, across its axis and along it; both ``None`` for a shoulder.
-    - `normal_force` in N; `friction_force`: (N, 3) N on the journal, global, or ``None``.
-    - `normal`: (N, 3), from the bearing's axis to the contact; `point_on_bearing`,
-      `point_on_journal`: (N, 3) m, global.
+    - `penetration`: (N,) m, negative where the surfaces are apart (eq. 13).
+    - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
+    - `eccentricity`: (N,) m (eq. 11). ``None`` for contacts that aren't bases of a journal.
+    - `offset`: (N, 3) m, the centre of the base in the frame of the bearing: two components across
+      the bearing's axis, then the one along it. ``None`` for contacts that aren't bases.
+    - `normal_force`: (N,) N, magnitude.
+    - `friction_force`: (N, 3) N, on the journal, global. ``None`` for contacts without friction.
+    - `normal`: (N, 3), unit vector from the bearing's axis to the contact, global.
+    - `point_on_bearing`, `point_on_journal`: (N, 3) m, points of the two surfaces, global.
     """
 
     penetration: Numbers
@@ -63,9 +66,10 @@ class ContactObservation(eqx.Module):
 
 
 class Load(eqx.Module):
-    """Reaction of an ideal joint on a body.
+    """Reaction of an ideal joint on one of its bodies at N times.
 
-    `force`: (N, 3) global, N; `moment`: (N, 3) about the centre of mass, in body axes, N m.
+    - `force`: (N, 3) N, global.
+    - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
     """
 
     force: Vectors
@@ -75,8 +79,8 @@ class Load(eqx.Module):
 class AccelerationSeries(eqx.Module):
     """Acceleration of a body at N times.
 
-    `linear`: (N, 3) m/s^2, of the centre of mass, global; `angular`: (N, 3) rad/s^2, rate of the
-    spin, body axes.
+    - `linear`: (N, 3) m/s^2, of the centre of mass, global.
+    - `angular`: (N, 3) rad/s^2, time derivative of the spin, in body axes.
     """
 
     linear: Vectors
@@ -84,21 +88,27 @@ class AccelerationSeries(eqx.Module):
 
 
 class Observation(eqx.Module, AbstractTabular):
-    """Observation of a motion at N times.
+    """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
+
+    Keys are the names of the scene's joints and bodies, and the labels of contacts, such as "V".
 
     - `times`: (N,) s.
-    - `contacts[joint][contact]`: `ContactObservation`.
-    - `modes[joint]`: (N,) `MotionMode` numbers of the clearance joints.
-    - `reactions[joint][body]`: `Load` of the ideal joints (eq. 31). With redundant constraints they
-      are not unique, and those of least norm are given; see `reactions_unique`.
-    - `accelerations[body]`: `AccelerationSeries`.
-    - `drift[joint]`, `drift_rate[joint]`: (N,) largest |Phi| and |rate of Phi| of the joint's rows.
-    - `energies[name]`: (N,) J: "kinetic", "gravity", "springs", "contacts" and "bristles" if the
-      scene has them, their sum "mechanical", and if the run kept the energy ledger the integrals
-      "normal damping", "friction", "film", "stabilisation" (dissipated) and "supplied". The elastic
-      energy of bristles is not part of "friction".
+    - `contacts[joint][contact]`: a `ContactObservation`.
+    - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
+    - `reactions[joint][body]`: the `Load` of an ideal joint on a body (eq. 31).
+    - `reactions_unique`: whether no constraints are redundant. Otherwise the reactions are not
+      unique, and those of least norm are given.
+    - `accelerations[body]`: an `AccelerationSeries`.
+    - `drift[joint]`: (N,), largest magnitude of the joint's constraint rows, in m, or 1 for rows
+      that constrain directions. It is zero for an exact solution.
+    - `drift_rate[joint]`: (N,), largest magnitude of the time derivatives of these rows.
+    - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
+      where the scene has them; "mechanical" is their sum. If the run kept the energy ledger, there
+      are its integrals since the start too: "normal damping", "friction", "film" and
+      "stabilisation", dissipated, and "supplied". The elastic energy of bristles is not part of
+      "friction".
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all of it with units.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -118,7 +128,7 @@ class Observation(eqx.Module, AbstractTabular):
     reactions_unique: bool = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return a few lines: the number of times, the first and the last, and the elements."""
+        """Return text: the number of times, the first and last time, and the names of elements."""
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -129,20 +139,29 @@ class Observation(eqx.Module, AbstractTabular):
         return "\n  ".join(lines)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "time", with units.
+        """Return the observation as an `xarray.Dataset` with units.
 
-        - `penetration`, `normal_force` and so on along "contact", such as "pin V", NaN for contacts
-          without them; `mode` (codes of `MotionMode`) along "journal"; `drift` along "joint".
-        - `reaction_force` and `reaction_moment` along "reaction", such as "hinge on arm".
-        - `acceleration` and `angular_acceleration` along "body"; `energy` along "energy_term".
+        All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
+        The second dimension is
 
-        See `AbstractTabular`.
+        - "contact", with labels such as "pin V", for `penetration`, `normal_force` and the other
+          fields of `ContactObservation`. A contact without such a field has NaN there;
+        - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
+        - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
+        - "body" for `acceleration` and `angular_acceleration`;
+        - "energy_term" for `energy`.
+
+        See `AbstractTabular` for the export to other formats.
         """
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         return observation_dataset(Observed(**parts))
 
     def ledger_residual(self) -> Numbers:
-        """Return the energy since the first time that the ledger does not explain, (N,) J."""
+        """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
+
+        It is the mechanical plus the dissipated less the supplied energy, less the value of this
+        sum at the first time. An exact solution of a run with the ledger has zero.
+        """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
         balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
@@ -156,20 +175,21 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    The observation uses absolute coordinates for any run: there every ideal joint has multipliers,
-    also those that the run's coordinates eliminated, and redundant reactions do not depend on the
-    run's coordinates.
+    The equations of motion are solved again at each state, always in absolute coordinates. In these
+    every ideal joint has Lagrange multipliers, from which its reactions follow, also a joint that
+    the coordinates of the run eliminated. So redundant reactions don't depend on those coordinates.
 
     **Arguments:**
 
     - `scene`: the scene that was simulated.
-    - `solution`: what `simulate` or `simulate_nonsmooth` returned.
+    - `solution`: the result of `simulate` or `simulate_nonsmooth`.
     - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
-      step; by default the saved states.
+      step; by default the saved states, `solution.saved`.
 
-    **Returns:** an `Observation` of numpy arrays, whose first axis has the length N.
+    **Returns:** an `Observation` of NumPy arrays, whose first axis has the length N.
 
-    **Raises:** `ValueError` without a trajectory if the solution has no saved states.
+    **Raises:** `ValueError` if `solution` is of another type, and if neither `trajectory` is given
+    nor states were saved.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -213,15 +233,16 @@ def observe(
 def in_chunks(
     look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to times and states, `CHUNK` of them at a time.
+    """Apply a compiled program to N times and states, `CHUNK` of them in each call.
 
-    The program thus always has arguments of the same shape and is not compiled again for another
-    number N of times.
+    The arguments of the program always have the same shapes, so that a different number N does not
+    compile the program again.
 
-    **Arguments:** `look`: the program, for `CHUNK` times and states; `rows`: (N,) times, s, and
-    states whose leaves have a first axis of length N, on the host.
+    **Arguments:** `look`: the program, a function of `CHUNK` times and states, whose results have
+    a first axis of length `CHUNK`; `rows`: times, (N,) s, and states whose leaves have a first axis
+    of length N.
 
-    **Returns:** the results as NumPy arrays, joined along their first axis of length N.
+    **Returns:** the results of all calls as NumPy arrays, joined to a first axis of length N.
     """
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
     parts = []
@@ -232,7 +253,7 @@ def in_chunks(
 
 
 def _filled(rows: np.ndarray) -> np.ndarray:
-    """Return `CHUNK` rows by repeating the given ones; zeros if there are none."""
+    """Return an array of `CHUNK` rows: the given rows, repeated as needed, or zeros without any."""
     return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
@@ -240,7 +261,12 @@ def _filled(rows: np.ndarray) -> np.ndarray:
 def observe_compiled(
     folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State
 ) -> Observation:
-    """Return the observation at times (N,) s, without the ledger's integrals."""
+    """Return the observation at given times and states, without the integrals of the energy ledger.
+
+    **Arguments:** `absolute`: the formulation in absolute coordinates; `unique`: the value of
+    `Observation.reactions_unique`; `times`: (N,) s; `states`: in packed form, leaves with a first
+    axis of length N.
+    """
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
@@ -306,6 +332,7 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
         if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
             touching = (v.gap.depth > 0.0, w.gap.depth > 0.0)
+            # Equal sides of the wall: the journal lies on a line; opposite sides: it is tilted.
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
@@ -320,6 +347,7 @@ def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
         total: dict[str, Wrench] = {}
         for label, row in rows.items():
             multiplier = dynamics.multipliers[name][label]
+            # A row's Jacobian is the wrench on each body for a multiplier of 1.
             for body, pair in row.jacobian.items():
                 if body != GROUND:
                     scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)

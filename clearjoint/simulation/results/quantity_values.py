@@ -1,4 +1,4 @@
-"""Values and rates of a quantity along a solution."""
+"""Values and time derivatives of a quantity at the states of a trajectory."""
 
 import jax
 import jax.numpy as jnp
@@ -23,11 +23,12 @@ from .solution import Solution, Trajectory
 def values_along(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
 ) -> np.ndarray:
-    """Return a quantity at the states of a trajectory, (N,), in its unit.
+    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit.
 
-    **Arguments:** as of `observe`; `quantity`: a scalar function of an `Instant`.
+    **Arguments:** `scene`, `solution`: the scene that was simulated, and its solution; `quantity`:
+    a scalar function of an `Instant`; `trajectory`: N times and states of the solution.
 
-    **Raises:** `ValueError` for a quantity of something that the scene lacks.
+    **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
     folded_scene, absolute, rows = _prepared(scene, solution, quantity, trajectory)
     return in_chunks(lambda part: values_compiled(folded_scene, absolute, quantity, *part), rows)
@@ -36,10 +37,10 @@ def values_along(
 def rates_along(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
 ) -> np.ndarray:
-    """Return the rate of a quantity at the states of a trajectory, (N,), in its unit per s.
+    """Return the time derivatives of a quantity at N states, (N,), in its unit per s.
 
-    The quantity is differentiated with respect to positions, velocities and time along the motion;
-    entry speeds and bristles are constant.
+    They are total derivatives along the motion: by the chain rule through time, positions and
+    velocities. Entry speeds and bristles count as constant.
 
     **Arguments**, **Raises:** as of `values_along`.
     """
@@ -65,7 +66,7 @@ def values_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return a quantity at times (N,) s and states with N in front."""
+    """Return the values of a quantity, (N,), at times, (N,) s, and N states in packed form."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
@@ -82,7 +83,7 @@ def rates_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the rate of a quantity at times (N,) s and states with N in front."""
+    """Return the time derivatives of a quantity, (N,), at times, (N,) s, and N packed states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
@@ -99,7 +100,7 @@ def rates_compiled(
 
 
 class _KnownState:
-    """The parts of a state that the variables of the motion do not have."""
+    """Entry speeds, work and bristles of a state; the variables of a motion lack them."""
 
     def __init__(self, system: System, state: State):
         self._system, self._entry_speeds, self._work = (
@@ -110,6 +111,6 @@ class _KnownState:
         self.bristles = initial_bristles(system.scene, unpack(state.bristles))
 
     def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:
-        """Return the quantity at a time in s and the variables of a motion."""
+        """Return the value of a quantity for a time t, s, and the variables of a motion at t."""
         now = Instant(self._system, t, variables, self._entry_speeds, self._work, self.bristles)
         return jnp.asarray(quantity(now), dtype=float)

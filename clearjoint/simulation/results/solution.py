@@ -29,13 +29,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHOWN_BODIES = 6
-"""Largest number of bodies whose final state is in the text of a run."""
+"""Largest number of bodies whose final position and velocity `repr(solution)` shows."""
 SUCCESSFUL = result_number(RESULTS.successful)
 SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
 
 class Trajectory(AbstractReadable, AbstractTabular):
-    """States at N times: `times`, (N,) s, and `states`, with N in front of each array.
+    """States of a motion at N times.
+
+    - `times`: (N,) s, rising.
+    - `states`: a `State` whose arrays have an additional first axis of length N. For example,
+      `states.bodies["arm"].position` has the shape (N, 3), in m.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
     >>> cj.results.Trajectory(np.zeros(1), states).times.shape
@@ -49,16 +53,20 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return self.times.shape[0]
 
     def between(self, times: ArrayLike | None = None) -> "Trajectory":
-        """Return states inside the accepted steps, for smooth curves.
+        """Interpolate the states between the ends of the accepted steps, to draw smooth curves.
 
-        Cubic Hermite interpolation between the ends of each step, with an error far below the
-        clearances. Use it for `solution.steps` only: between saved states there may be impacts.
+        The interpolation is cubic Hermite in each step, and its error is far below the clearances.
+        Call it on `solution.steps` only: between two saved states there may be impacts, across
+        which no interpolation is valid.
 
-        **Arguments:** `times`: (M,) s, rising, between the first and the last of the trajectory;
-        unless given, the ends of all steps and times inside the steps in which a body moves along a
-        curve.
+        **Arguments:** `times`: (M,) s, rising, between the first and the last time of the
+        trajectory. By default, the ends of all steps, and further times inside those steps in which
+        a body turns or moves along a curve.
 
-        **Raises:** `ValueError` for times outside, and for fewer than two states.
+        **Returns:** a `Trajectory` of M times and states.
+
+        **Raises:** `ValueError` for times outside this range, and for a trajectory of fewer than
+        two states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -73,7 +81,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return Trajectory(wanted, states_between(ends, states, wanted))
 
     def __str__(self) -> str:
-        """Return a line with the number of states, the bodies, and the first and the last time."""
+        """Return one line with the number of states, the bodies, and the first and last time."""
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
             return repr(self)
         bodies = ", ".join(map(repr, self.states.bodies))
@@ -81,11 +89,15 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return f"{len(self)} states of {bodies} from {first} s to {last} s"
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "time", "body" and "component", with units.
+        """Return the states as an `xarray.Dataset` with units.
 
-        Its variables are `position`, `orientation`, `velocity` and `spin`, and if the states have
-        them `entry_speed` and `bristle_deflection` of the contacts and the energy `ledger`. See
-        `AbstractTabular`.
+        - `position` in m, `velocity` in m/s (both global) and `spin` in rad/s (body axes) have the
+          dimensions "time", "body" and "component" ("x", "y", "z").
+        - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
+        - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
+          and `ledger` in J along "integral" exist only if the states have them.
+
+        See `AbstractTabular` for the export to other formats.
         """
         rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
         labels = {"time": times, **state_labels(self.states)}
@@ -93,23 +105,26 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
 
 class Solution(AbstractReadable, AbstractTabular):
-    """The outcome of `clearjoint.simulation.run.simulate`.
+    """The outcome of `clearjoint.simulate`.
 
-    - `saved`: the states at the requested times that were reached (all if successful), or ``None``
-      if none were requested. Under a JAX transformation it has all rows, and the first
-      `saved_count` are valid.
-    - `time`, `final`: end of the run in s and the state then, from which it can be continued.
-    - `result`: a `RESULTS` code.
-    - `attempts`, `accepted`: steps tried and accepted.
-    - `steps`: the states at the start and after every accepted step, if requested.
-    - `impacts`: the table of finished contacts, if requested.
+    - `saved`: the `Trajectory` at those requested times that the run reached (all of them if it
+      succeeded), or ``None`` if `Saving.times` was not given. Under a JAX transformation its arrays
+      have a row for every requested time, and only the first `saved_count` rows are valid.
+    - `saved_count`: number of requested times that the run reached, or ``None`` without `saved`.
+    - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
+      run can start from them.
+    - `result`: the `RESULTS` code.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `steps`: the `Trajectory` of the start and the end of every accepted step, or ``None`` unless
+      requested.
+    - `impacts`: the table of all finished contacts, or ``None`` unless requested.
     - `sections[name]`: the `Crossings` of each requested section.
-    - `outputs[name]`: results of the requested reductions, one number each; "name_part" for
-      further numbers, such as "force_time" of a `Peak`.
-    - `formulation`: the formulation of the equations of motion.
-    - `redundant_constraints`: names of constraints that depend on the others. If there are any,
-      reactions are not unique, and those of least norm are computed.
-    - `settings`: settings of the run, as pairs of a name and a text or number.
+    - `outputs[name]`: the result of each requested reduction, a number. A reduction with several
+      results has further entries "name_part", such as "force_time" of a `Peak` named "force".
+    - `formulation`: coordinates, stabilisation and ledger of the equations of motion.
+    - `redundant_constraints`: names of constraint rows that depend linearly on others. If there are
+      any, the reactions are not unique, and those of least norm are computed.
+    - `settings`: the settings of the run, as pairs of a name and a text or number.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
 
@@ -135,7 +150,7 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """Return a few lines: how the run ended, its results, and the bodies' final states."""
+        """Return text: result, numbers of steps and of saved rows, and final state of bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]
@@ -152,19 +167,27 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def times(self) -> Numbers:
-        """Requested times that were reached, s."""
+        """The requested times that the run reached, (N,) s: `saved.times`.
+
+        **Raises:** `AttributeError` if no times were requested.
+        """
         return self._requested().times
 
     @property
     def states(self) -> State:
-        """States at the requested times that were reached, with N in front."""
+        """The `State` at each of the N `times`: `saved.states`, with N in front of each array.
+
+        **Raises:** `AttributeError` if no times were requested.
+        """
         return self._requested().states
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` of the saved states, see `Trajectory.to_xarray`.
+        """Return the saved states as an `xarray.Dataset`, with the variables and units of
+        `Trajectory.to_xarray`.
 
-        The final state is included as `final_position` and so on. The result and the settings are
-        attributes.
+        The final state is in further variables without "time": `final_position`,
+        `final_orientation`, `final_velocity`, `final_spin` and so on. The attributes of the dataset
+        are the result, the time reached in s, the numbers of steps, and the settings.
 
         ```python
         import clearjoint as cj
@@ -176,7 +199,7 @@ class Solution(AbstractReadable, AbstractTabular):
         print(solution.to_dataframe()["arm 1.position.x [m]"])
         ```
 
-        **Raises:** `ValueError` for a run that saved no states.
+        **Raises:** `ValueError` if no states were saved.
         """
         require(self.saved is not None, "solution", "without saved states", "with some", SAVE_TIMES)
         assert self.saved is not None
@@ -186,7 +209,7 @@ class Solution(AbstractReadable, AbstractTabular):
         return found.merge(reached).assign_attrs(self._notes())
 
     def _notes(self) -> dict[str, str | int | float]:
-        """Attributes of the dataset: how the run ended, and its settings."""
+        """Return the attributes of the dataset by name: result, counts and settings."""
         return {
             "title": "motion of a mechanism",
             "result": RESULTS[self.result],
@@ -204,21 +227,24 @@ class Solution(AbstractReadable, AbstractTabular):
 
 
 class FinishedRun(Protocol):
-    """The outcome of any run."""
+    """The outcome of any run: an object with the end time and the result code."""
 
     @property
     def time(self) -> Scalar:
-        """The time at which the run ended, s."""
+        """Time at which the run ended, s."""
         ...
 
     @property
     def result(self) -> RESULTS:
-        """The result code."""
+        """The `RESULTS` code, which says how the run ended."""
         ...
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Whether numbers are traced or belong to a batch of runs, so that there is no text of them."""
+    """Check whether the leaves of a tree have no single known values, so that text can't show them.
+
+    This is so while JAX traces them, and after `jax.vmap`, when the tree's `time` is an array.
+    """
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -226,7 +252,12 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return how a run ended, the given lines, and the final states of some bodies as text."""
+    """Return the text of a run's result, one item a line.
+
+    The first line has the type of `run`, its end time in s and its result. The given `lines`
+    follow, then the `redundant` constraints if there are any, and the final position in m and
+    velocity in m/s (global) of the first `SHOWN_BODIES` bodies.
+    """
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
@@ -245,10 +276,10 @@ def _triple(vector: Numbers) -> str:
 
 
 class SimulationError(RuntimeError):
-    """A run that failed.
+    """The error of a run that failed.
 
-    `solution` has everything that was computed: a `Solution`, or the result type of the function
-    that raised the error.
+    Its attribute `solution` has everything that was computed before the failure. It is of the type
+    that the function returns on success, such as a `Solution` from `simulate`.
 
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
@@ -262,9 +293,10 @@ class SimulationError(RuntimeError):
 
 
 def raise_failure(solution: FinishedRun) -> None:
-    """Raise a `SimulationError` if a run failed.
+    """Raise a `SimulationError` unless the result code of a run is `RESULTS.successful`.
 
-    **Arguments:** `solution`: the outcome of the run, which becomes the error's `solution`.
+    **Arguments:** `solution`: the outcome of the run; it becomes the attribute `solution` of the
+    error.
     """
     if result_number(solution.result) != SUCCESSFUL:
         raise SimulationError(

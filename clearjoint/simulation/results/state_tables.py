@@ -1,4 +1,4 @@
-"""States at several times as labelled arrays."""
+"""Conversion of states to arrays with dimensions, labels and units."""
 
 from collections.abc import Mapping
 
@@ -13,9 +13,9 @@ STATE_PARTS = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-"""Dimension and unit of the parts of a body's state."""
+"""Last dimension and unit of each field of a `BodyState`."""
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
-"""Labels along these dimensions."""
+"""Labels along the last dimension of a body's vectors and of its Euler parameters."""
 MEANINGS = {
     "position": "position of the centre of mass, global",
     "orientation": "Euler parameters, scalar first, body to global",
@@ -24,16 +24,23 @@ MEANINGS = {
 }
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
-"""Names of dimensions."""
+"""Dimensions along which contacts, and contacts with bristles, are listed."""
 
 
 def contact_label(joint: str, contact: str) -> str:
-    """Return the name of a joint's contact in tables: both names, separated by a space."""
+    """Return the label of a contact in tables: "joint contact", such as "pin V"."""
     return f"{joint} {contact}"
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return the parts of states by name, along the dimensions in `rows` and their own."""
+    """Return the arrays of states by variable: "position", "orientation", "velocity", "spin", and
+    if the states have them "entry_speed", "bristle_deflection" and "ledger".
+
+    **Arguments:** `states`: states with the dimensions `rows` in front, such as ("time",); `rows`:
+    names of these dimensions, empty for one state; `prefix`: text in front of the variables' names.
+
+    **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
+    """
     arrays = {}
     for part, (dim, unit) in STATE_PARTS.items():
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
@@ -56,7 +63,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """Return the labels along the dimensions of `state_arrays`."""
+    """Return the labels along each dimension of `state_arrays`, by the name of the dimension."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*_by_contact(states.bristles)]

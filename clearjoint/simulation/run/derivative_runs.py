@@ -1,4 +1,4 @@
-"""Requirements of runs with derivatives on a scene and on settings."""
+"""Checks of scene, state and settings before a run that computes derivatives."""
 
 from dataclasses import replace
 
@@ -17,11 +17,13 @@ from .run_checks import check_precision, check_start
 def derivative_scheme(
     scene: Scene, state: State, settings: Settings, start_time: float = 0.0
 ) -> Scheme:
-    """Return the scheme for a motion with its derivatives, after all checks.
+    """Return method and formulation for a run with derivatives, after a check of all arguments.
 
-    **Raises:** `ValueError` for an invalid scene or state, for settings that derivatives don't
-    support, and for an element that changes abruptly at times that it does not declare as
-    `breakpoints`.
+    **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
+
+    **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives don't
+    support, such as a solver without dense output; and for an element that changes abruptly at
+    times that it does not declare as `breakpoints`.
     """
     settings.require_double()
     check_precision(False)

@@ -1,4 +1,4 @@
-"""Execution of a run: in segments with the host between them, or in one traced computation."""
+"""Execution of a run: segment by segment from Python, or in one computation that JAX traces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,8 +35,13 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start: its equations, its end time in s, and its redundant
-    constraints."""
+    """A run that is ready to start.
+
+    - `folded_scene`: the scene, with its folded constants.
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `end`: end time, s.
+    - `redundant`: names of the redundant constraints.
+    """
 
     folded_scene: ConstantFolded
     scheme: Scheme
@@ -46,9 +51,14 @@ class Run:
     def in_one_piece(
         self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
     ) -> Solution:
-        """Run to the end inside one traced computation.
+        """Run to the end inside one computation that JAX traces.
 
-        Rows of saved states that were not reached repeat the last state.
+        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
+        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: the kinds of loops,
+        which depend on how the run is differentiated.
+
+        **Returns:** a `Solution` of traced arrays. Saved rows that the run did not reach repeat the
+        last state. Steps, impacts, sections and outputs are not kept.
         """
         # The end is a further time to save at, so that the run goes on behind the last save.
         times = None if save_at is None else jnp.append(save_at, self.end)
@@ -83,10 +93,14 @@ class Run:
         sections: Mapping[str, Section],
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run to the end, a failure, the step limit or an interruption, segment by segment.
+        """Run segment by segment to the end, a failure, the step limit or an interruption.
 
-        **Returns:** the solution, whether a user interrupted the run, and whether a journal has
-        slid out of its bearing at the end.
+        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
+        save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
+        bar; `sections`: by name; `notes`: the settings, for the solution.
+
+        **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
+        journal has slid out of its bearing at the end.
         """
         saves = _SaveTimes(save_at, float(self.end))
         steps: list[TimedState] = []
@@ -144,7 +158,7 @@ class Run:
         return solution, interrupted, bool(left)
 
     def _outputs(self, now: Progress) -> dict[str, float]:
-        """Results of the reductions, each number by its own name."""
+        """Return the results of the reductions: numbers by "name", or "name_part" if several."""
         if not now.reductions:
             return {}
         results = jax.device_get(_results_compiled(self.scheme, self.folded_scene, now))
@@ -158,7 +172,10 @@ class Run:
 def _end_of(
     scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
 ) -> tuple[State, RESULTS, Condition]:
-    """Return the final state (packed), the result, and whether a journal has slid out."""
+    """Return the final state in packed form, the result code, and whether a journal has slid out.
+
+    **Arguments:** `step`: state of the run after its last step; `end`: end time of the run, s.
+    """
     final = final_state(scheme.unpacked(folded_scene), step)
     left = any_slid_out(unpack(folded_scene), final.bodies)
     return pack(final), final_result(step, end), left
@@ -170,7 +187,7 @@ _end_compiled = Native(_end_of)
 def _results_of(
     scheme: Scheme, folded_scene: ConstantFolded, now: Progress
 ) -> dict[str, dict[str, Scalar]]:
-    """Results of the reductions at the end of a run, by name."""
+    """Return the results of the reductions at the end of a run, results[name][part]."""
     system, step = scheme.unpacked(folded_scene), now.step
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return {
@@ -183,9 +200,10 @@ _results_compiled = Native(_results_of)
 
 
 class _SaveTimes:
-    """The times to save at, handed out in chunks, and the states that came back.
+    """The times to save at, which segments receive in chunks, and the states that segments return.
 
-    Chunks have a fixed size, so that another number of times compiles nothing.
+    Chunks have the fixed size `SAVES_A_SEGMENT`, so that one program serves any number of times.
+    `count`: number of times at which states have been saved.
     """
 
     def __init__(self, times: np.ndarray | None, end: float):
@@ -194,7 +212,7 @@ class _SaveTimes:
         self._pieces: list[State] = []
 
     def chunk(self) -> np.ndarray | None:
-        """The next times, filled up with the end time."""
+        """Return the next `SAVES_A_SEGMENT` times, s, filled up with the end time; or ``None``."""
         if self._times is None:
             return None
         chunk = np.full(SAVES_A_SEGMENT, self._end)
@@ -203,7 +221,7 @@ class _SaveTimes:
         return chunk
 
     def take(self, saved: SavedStates | None) -> None:
-        """Keep the states at the requested times that were reached."""
+        """Keep those states of a segment that belong to requested times and were reached."""
         if saved is None or self._times is None:
             return
         left = len(self._times) - self.count
@@ -216,11 +234,11 @@ class _SaveTimes:
         self.count += reached
 
     def done(self) -> bool:
-        """Whether all times have been saved at."""
+        """Check whether states have been saved at all requested times."""
         return self._times is None or self.count == len(self._times)
 
     def trajectory(self) -> Trajectory | None:
-        """The states at the times reached."""
+        """Return the states at the requested times that were reached; ``None`` without requests."""
         if self._times is None:
             return None
         return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))

@@ -1,6 +1,7 @@
-"""Recorder of impacts: a tally of each contact while it lasts, and a row when it ends.
+"""Recorder of impacts, for single runs, runs with derivatives and lanes of sweeps.
 
-Single runs, runs with derivatives and lanes of sweeps all use it.
+While a contact lasts, its peaks are updated in each accepted step. When the contact ends, they are
+written as a row of a table.
 """
 
 from collections.abc import Mapping
@@ -37,7 +38,13 @@ INSTANTS = ("onset", "separation", "peak_time")
 
 
 class ImpactRow(eqx.Module):
-    """A finished contact: times in s, speeds in m/s (both positive), force in N, depth in m."""
+    """A finished contact.
+
+    - `onset`, `separation`: s, times at which the contact force began and ended.
+    - `entry_speed`, `exit_speed`: m/s, both positive.
+    - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
+    - `largest_penetration`: m.
+    """
 
     onset: Scalar
     separation: Scalar
@@ -48,25 +55,27 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """The reported columns by name; an impact has no channels."""
+        """Return `reported()`: a row of impacts needs neither the system nor channels."""
         del system, channels
         return self.reported()
 
     def reported(self) -> dict[str, Scalar]:
-        """The fields by name, and the `duration` of the contact, s."""
+        """Return the fields by name, and also the "duration" of the contact, s."""
         return {**vars(self), "duration": self.separation - self.onset}
 
     @staticmethod
     def none() -> "ImpactRow":
-        """Return a row of zeros."""
+        """Return a row of zeros, the initial content of buffers."""
         return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
 class OpenContact(eqx.Module):
-    """A contact after the latest step, and its tally since it began.
+    """A contact after the latest accepted step.
 
-    `instant`: its gap then. `begun`: whether it touches and began within the run. `row`: the tally,
-    whose `separation` and `exit_speed` are final when the contact ends.
+    - `instant`: its gap and entry speed at the end of that step.
+    - `begun`: whether it touches at that instant and its onset was after the start of the run.
+    - `row`: its onset and its peaks so far. `separation` and `exit_speed` of this row become valid
+      in the step in which the contact ends.
     """
 
     instant: ContactInstant
@@ -76,7 +85,12 @@ class OpenContact(eqx.Module):
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
     ) -> tuple["OpenContact", Condition, ImpactRow]:
-        """Return the contact after a step from t0 to t1, whether it ended in it, and its row."""
+        """Update the contact by a step from t0 to t1, s.
+
+        **Arguments:** `law`: the contact's law; `end`: the contact at t1.
+
+        **Returns:** the contact after the step, whether it ended in the step, and if so its row.
+        """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
         # The peak mostly lies inside a step, not at its ends.
@@ -104,22 +118,24 @@ class OpenContact(eqx.Module):
 
 
 class ContactRecord(eqx.Module):
-    """A contact after the latest step, and the rows of its impacts that are over."""
+    """A contact after the latest accepted step, and a row for each of its finished impacts."""
 
     contact: OpenContact
     rows: RowBuffer[ImpactRow]
 
 
 ImpactRecord = dict[str, dict[str, ContactRecord]]
-"""Records by joint and contact, by the elements' own names."""
+"""A `ContactRecord` for each contact: record[joint][contact]."""
 Wanted = dict[str, dict[str, Scalar]]
-"""Largest numbers of rows, by joint and contact."""
+"""Largest number of rows in the buffer of each contact: wanted[joint][contact]."""
 
 
 class ImpactRecorder(eqx.Module):
-    """Records the contacts of a joint, or of all joints.
+    """Recorder of the finished contacts of one joint, or of all joints.
 
-    `joint`: its name, or ``None`` for all. `window`: only contacts that begin in it are recorded.
+    - `joint`: name of the joint, or ``None`` for all joints.
+    - `window`: span of time; only contacts with an onset in the window are recorded. ``None``
+      records all.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -128,7 +144,10 @@ class ImpactRecorder(eqx.Module):
     def start(
         self, method: Method, system: System, step: Step, rows: RowBuffer[ImpactRow]
     ) -> ImpactRecord:
-        """Return the record before the first step, with an empty buffer of `rows`."""
+        """Return the record before the first step.
+
+        **Arguments:** `step`: state of the run; `rows`: an empty buffer, which each contact gets.
+        """
         now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
         no, none = jnp.asarray(False), ImpactRow.none()
         return {
@@ -142,7 +161,11 @@ class ImpactRecorder(eqx.Module):
     def after(
         self, record: ImpactRecord, step_outcome: StepOutcome, wanted: Wanted | None = None
     ) -> ImpactRecord:
-        """Return the record after a step was tried, with at most the `wanted` rows if given."""
+        """Return the record after a step was tried; it is unchanged unless the step was accepted.
+
+        **Arguments:** `wanted`: largest number of rows in each contact's buffer; further impacts
+        are not recorded. By default all impacts are.
+        """
         laws = step_outcome.now.scene.laws()
         ends = self._instants(
             step_outcome.method, step_outcome.system, step_outcome.now, step_outcome.after
@@ -172,7 +195,8 @@ class ImpactRecorder(eqx.Module):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Second derivatives of the depths at the end of a step, m/s^2."""
+    """Return the second time derivatives of the penetrations at the end of a step, m/s^2, by
+    joint and contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers don't keep the rates at the end of a step.
@@ -184,14 +208,17 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the largest number of impacts of a contact, with those that found no room."""
+    """Return the largest number of impacts of any contact, including impacts without room."""
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
-    """Rows of a table of impacts: the finished contacts of a record (host arrays), none of whose
-    buffers was too short, and whose clock showed zero at `origin`, s."""
+    """Return the finished contacts of a record as rows for `Impacts.of_rows`, in any order.
+
+    **Arguments:** `record`: in NumPy arrays; its buffers must have had room for all impacts;
+    `origin`: s, the time at which the clock of the record showed zero.
+    """
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, one in family.items():
@@ -210,6 +237,7 @@ def _after(
     wanted: Scalar | None,
     window: Window | None,
 ) -> ContactRecord:
+    # `over`: whether the contact ended in this step and its row is to be written.
     contact, over, row = record.contact.after(law, step_outcome.before.t, step_outcome.after.t, end)
     over = step_outcome.kept & over
     if window is not None:

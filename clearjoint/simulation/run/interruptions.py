@@ -1,4 +1,4 @@
-"""Interruption of runs by Ctrl-C, which keeps what they have computed."""
+"""Interruption of runs by Ctrl-C, after which the results so far are kept."""
 
 import signal
 import threading
@@ -10,9 +10,10 @@ from ..results.solution import FinishedRun
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """A run that was stopped by Ctrl-C (SIGINT).
+    """The error of a run that the user stopped by Ctrl-C (the signal SIGINT).
 
-    `solution` is the `Solution` up to then; the run can be continued from its `time` and `final`.
+    Its attribute `solution` is the `Solution` up to the interruption. A further run can start from
+    `solution.time` and `solution.final`.
 
     ```python
     import clearjoint as cj
@@ -32,10 +33,12 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """Defer the first Ctrl-C; the context returns a function that says whether there was one.
+    """Return a context in which the first Ctrl-C is only noted, so that a run can end in order.
 
-    A second one interrupts at once. Outside the main thread, and where the program has its own
-    handler of the signal, nothing changes.
+    The context gives a function, which returns whether Ctrl-C has been pressed. A second Ctrl-C
+    raises `KeyboardInterrupt` at once. Outside the main thread, and in a program with its own
+    handler of SIGINT, the handling of the signal is not changed, and the function returns
+    ``False``.
     """
     requested = threading.Event()
     ours = threading.current_thread() is threading.main_thread()

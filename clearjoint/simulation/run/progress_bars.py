@@ -1,7 +1,7 @@
 """Progress on the error stream: a bar in a terminal, a line every half minute in a log file.
 
-While a program is compiled the text says for how long. A thread updates it once a second, since
-the call itself waits for JAX.
+While a program is compiled, the text tells for how long. A thread updates the text once a second,
+since the main thread waits for JAX.
 """
 
 import sys
@@ -27,8 +27,8 @@ WATCH = "clearjoint: compiling"
 class ProgressBar(tqdm):
     """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
 
-    `seconds_left`: the time left in s, if known other than from the rate; it is the field
-    ``{left}`` of a `bar_format`.
+    `seconds_left`: estimated time left, s, which a caller may set; ``None`` if unknown. The field
+    ``{left}`` of a `bar_format` shows this time.
     """
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
@@ -48,7 +48,10 @@ class ProgressBar(tqdm):
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Show the text; in a log file only if the latest line is old enough."""
+        """Show the text `msg`, or that of the bar; return whether it was shown.
+
+        In a log file, nothing is shown within `LINE_PERIOD` after the latest line.
+        """
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
         now = time.time()
@@ -67,9 +70,9 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Show the bar; while a program is compiled its description is "compiling, 12 s".
+    """Return a context that shows a bar, with the text "compiling, 12 s" during compilation.
 
-    A disabled bar starts no thread.
+    Without a bar to show (`bar.disable`), no thread is started.
     """
     with bar:
         if bar.disable:
@@ -86,7 +89,10 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a bar for a call without progress, which is shown while it compiles."""
+    """Return a context for a call without progress, which shows only the time spent compiling.
+
+    **Arguments:** `show`: whether to show it at all.
+    """
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 

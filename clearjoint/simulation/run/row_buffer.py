@@ -1,4 +1,4 @@
-"""Buffers of rows that a run fills as it goes on."""
+"""Buffers of fixed size that compiled code fills with rows, such as finished impacts."""
 
 from dataclasses import replace
 from typing import Generic, TypeVar
@@ -15,10 +15,10 @@ R = TypeVar("R", bound=PyTree[Scalar])
 
 
 class RowBuffer(eqx.Module, Generic[R]):
-    """A buffer with a fixed number of rows, and the number of rows that were written.
+    """A buffer with room for a fixed number of rows; each row is a PyTree of numbers.
 
-    Each leaf of `rows` has the rows in front. In a full buffer `count` goes on: it is then the
-    number of rows that would have been needed.
+    - `rows`: a PyTree with the structure of a row, whose leaves have the rows in front.
+    - `count`: number of rows written so far, including rows for which there was no room.
     """
 
     rows: R
@@ -26,22 +26,22 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     @staticmethod
     def like(row: R, capacity: int) -> "RowBuffer[R]":
-        """An empty buffer with room for `capacity` rows like the given one."""
+        """Return an empty buffer for `capacity` rows with the structure and shapes of `row`."""
         # One row more, which is overwritten by the rows for which there is no room.
         rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
         return RowBuffer(rows, jnp.zeros((), int))
 
     @property
     def capacity(self) -> int:
-        """The number of rows for which there is room."""
+        """Number of rows for which the buffer has room in all, full or empty."""
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
-        """Whether there is no room for another row."""
+        """Return whether there is no room for another row."""
         return self.count >= self.capacity
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
-        """The buffer with another row behind the last one, if the row is wanted."""
+        """Return the buffer with another row behind the last one if `wanted`, else unchanged."""
 
         def write() -> R:
             return jax.tree.map(
@@ -54,10 +54,10 @@ class RowBuffer(eqx.Module, Generic[R]):
         return RowBuffer(rows, self.count + wanted)
 
     def filled(self) -> R:
-        """Copies of the rows that were written (host arrays)."""
+        """Return copies of the written rows as NumPy arrays, with their number in front."""
         count = min(int(self.count), self.capacity)
         return jax.tree.map(lambda rows: np.array(rows[:count]), jax.device_get(self.rows))
 
     def emptied(self) -> "RowBuffer[R]":
-        """The buffer without rows, to be filled again."""
+        """Return the buffer with `count` zero, so that its rows are written anew."""
         return replace(self, count=np.zeros((), int))

@@ -41,14 +41,17 @@ from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ...native.functions import FlatArguments
 
 BY_NUMPY = 8
-"""Initial states of one structure that are checked by NumPy, in some milliseconds each, before
-native code is compiled that takes microseconds."""
+"""Number of starts with the same structure that are checked in Python, in some milliseconds each,
+before a native program is compiled that checks a start in microseconds."""
 KEPT = 256
-"""Initial states of one structure for which the dependent constraints are cached."""
+"""Number of starts with the same structure whose dependent constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed."""
+    """Check that JAX computes in 64 bits, unless single precision is allowed.
+
+    **Raises:** `ValueError` otherwise.
+    """
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
@@ -57,23 +60,29 @@ def check_precision(allow_float32: bool) -> None:
 
 
 def is_traced(tree: PyTree) -> bool:
-    """Whether JAX traces any of these numbers, so that values cannot be checked.
+    """Check whether JAX traces a leaf of a tree, so that its value is not known in Python.
 
-    Under `jax.jit` everything that is computed is traced, even from known numbers.
+    Under `jax.jit` this is so for every tree, as results of computations with known numbers are
+    traced too.
     """
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def check_numbers(scene: Scene, state: State) -> None:
-    """Check the numbers of a scene, and that a state belongs to it."""
+    """Check the numbers of a scene, and that a state has the scene's bodies and contacts.
+
+    **Raises:** `ValueError` that names the element.
+    """
     _recheck(scene)
     check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return the condition that traced numbers pass a check, or ``None`` if it reads none of them.
+    """Return the traced condition that a check passes; ``None`` if the check has no conditions.
 
-    It is evaluated once before the first step, and does not change the loop of steps.
+    The compiled program evaluates the condition once, before the first step.
+
+    **Arguments:** `check`: a function that raises an error for invalid known numbers.
     """
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
@@ -82,7 +91,16 @@ def in_domain(check: Callable[[], None]) -> Condition | None:
 def check_start(
     scene: Scene, state: State, start_time: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check the numbers of a run and the state; return the names of redundant constraints."""
+    """Check all numbers of a scene and a state, and the state against the constraints.
+
+    **Arguments:** `start_time`: s, the time at which constraints are evaluated; `coordinates`: the
+    coordinates of the run, which must be able to represent the state.
+
+    **Returns:** the names of the redundant constraints.
+
+    **Raises:** `ValueError` that names the cause.
+    """
+    # The native check is fast, but its failure has no cause: such a start is checked in Python.
     if isinstance(scene, Scene) and isinstance(state, State):
         redundant = starts.redundant(scene, state, start_time, coordinates)
         if redundant is not None:
@@ -94,7 +112,11 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check the state against the constraints; return the names of redundant ones."""
+    """Check a state against the constraints at a time t, s; return names of redundant constraints.
+
+    **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state.
+    """
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
@@ -111,11 +133,15 @@ _recheck = cached_by_numbers(recheck)
 def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, StartRows | None, bool]:
-    """Return three things about a start.
+    """Return whether a start passes the checks, in a form that compiles.
 
-    - Whether it passes every check of `check_start` without a warning, except for redundancy.
-    - The rows by which redundant constraints are found, ``None`` without joints.
-    - Whether the checks of the scene's numbers are included; those of user-defined classes are not.
+    **Returns:**
+
+    - whether the start passes every check of `check_start` without a warning, except for
+      redundancy;
+    - the constraint rows by which redundant constraints are found, ``None`` without joints;
+    - whether the first result includes the checks of the scene's numbers. It does not if the scene
+      has user-defined classes, whose checks must run in Python.
     """
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
     structure = jax.tree.structure(scene)
@@ -144,10 +170,10 @@ def _passes(
 
 
 class _Starts:
-    """Fast check of starts in native code.
+    """Fast checks of starts (scene, state, time and coordinates) by native programs.
 
-    It says only whether a start passes. The others are then checked one by one in Python, so that
-    the error names the cause.
+    A native program tells only whether a start passes all checks. A start that fails is checked
+    again in Python, by checks whose errors name the cause. There is a program for each structure.
     """
 
     def __init__(self) -> None:
@@ -156,15 +182,16 @@ class _Starts:
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of native programs that check starts, one for each structure."""
         return self._function.count()
 
     def redundant(
         self, scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
     ) -> tuple[str, ...] | None:
-        """Return the names of redundant constraints at a start that passes.
+        """Return the names of the redundant constraints of a start that passes all checks.
 
-        ``None`` if it does not pass, or if there is no program for it yet.
+        The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
+        is no native program for its structure. `t` is the start time, s.
         """
         scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))

@@ -15,7 +15,9 @@ def begin_run(
 ) -> Step:
     """Return the run before its first step, from a state in packed form.
 
-    Entry speeds, ledger and bristles of the state are continued.
+    The run continues from the entry speeds, the ledger and the bristles of the state.
+
+    **Arguments:** `t0`, `t_end`: s, start and end; `first_step`: s, length of the first step.
     """
     motion = system.encode(unpack(state.bodies))
     bristles = by_group(unpack(state.bristles), system.scene.joints)
@@ -25,23 +27,29 @@ def begin_run(
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
-    """Return the state in scalar form, with alike elements in groups as the system has them."""
+    """Return variables y and entry speeds as a `State` in scalar form.
+
+    Its mappings have the keys of the system, in which alike elements are in groups.
+    """
     return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
 def named(state: State) -> State:
-    """Return a state of a system by the elements' own names."""
+    """Return a state from `state_of` with the elements' own names as keys, instead of groups."""
     return State(
         by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
     )
 
 
 def final_state(system: System, step: Step) -> State:
-    """Return the final state of a run, by the elements' own names, in scalar form."""
+    """Return the state after a step in scalar form, with the elements' own names as keys."""
     return named(state_of(system, step.y, step.entry_speeds))
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the result of a run; one that neither failed nor reached `t_end` ran out of steps."""
+    """Return the result code of a run that has stopped after `step`.
+
+    The code is `max_steps_reached` if the run neither failed nor reached `t_end`, s.
+    """
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

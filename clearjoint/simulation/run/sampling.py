@@ -1,7 +1,7 @@
-"""Quantities and their derivatives at given times of a run with tangents.
+"""Run with tangents that evaluates quantities and their derivatives at given times.
 
-This is the compiled part of `.sensitivities`, of fits and of fit horizons. The recorders are those
-of any run (`.advance`).
+This is the compiled part of `sensitivities`, of `identify` and of `fit_horizon`. Each attempt is an
+`advance`, as in runs without derivatives.
 """
 
 from collections.abc import Callable, Mapping
@@ -36,24 +36,26 @@ from .run_ends import final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder, after_sections
 
 LATEST, IMPACTS, SECTIONS = "latest", "impacts", "sections"
-"""Names of the records."""
+"""Names of the records: the latest accepted attempt, impacts, and crossings of sections."""
 RECORDERS: dict[str, Recorder] = {
     LATEST: latest_attempt,
     IMPACTS: ImpactRecorder().after,
     SECTIONS: after_sections,
 }
 Run = tuple[Step, dict[str, PyTree]]
-"""The latest step, and the records by name."""
+"""State of a run between two attempts: its latest step, and its records by name."""
 FEW_TIMES, GROWTH = 64, 8
-"""Numbers of times are rounded up to 64, 512, 4096 ..., so that few numbers need compiling. The
-last time is repeated; a repeated time is evaluated once, so that padding costs almost nothing."""
+"""The number of times in a program is rounded up to 64, 512, 4096 ..., so that few programs are
+compiled. The additional times repeat the end time. Repeated times are evaluated only once, so that
+they cost almost nothing."""
 
 
 class Kept(eqx.Module):
-    """Results to keep besides quantities.
+    """Results that a run with tangents keeps besides the values of quantities.
 
-    `states`: whether to keep the states at the times; `impacts`: rows for the impacts of each
-    contact, or ``None`` to record none; `sections`: recorders of crossings, by name.
+    - `states`: whether to keep the state at each of the times.
+    - `impacts`: largest number of impacts of each contact, or ``None`` to record no impacts.
+    - `sections`: recorders of crossings, by name of the section.
     """
 
     states: bool = eqx.field(default=False, static=True)
@@ -63,17 +65,22 @@ class Kept(eqx.Module):
 
 NOTHING_ELSE = Kept()
 IMPACTS_AT_FIRST = 512
-"""Rows for each contact; a run with more impacts is repeated with `GROWTH` times as many rows."""
+"""Number of impacts of each contact for which there is room in the first run. If a contact has more
+impacts, the run is repeated with room for `GROWTH` times as many."""
 
 
 class Sampled(eqx.Module):
-    """Quantities at N times and their derivatives along p parameters.
+    """Values of quantities at N times, and their derivatives with respect to p parameters.
 
-    - `values[name]`: (N,), `derivatives[name]`: (N, p), with respect to the scales' coordinates.
-    - `reached`: (N,), whether the run reached each time.
-    - `time`, `result`, `attempts`, `accepted`: end of the run in s, its result code, and its steps.
-    - `states` in scalar form with N in front, `impacts` and `sections`, if kept. Times of impacts
-      count from the start of the run.
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales.
+    - `reached`: (N,), whether the run reached each time. Values at other times have no meaning.
+    - `time`: s, the time at which the run ended; `result`: its result code.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `states`: the state at each time, in scalar form with N in front; ``None`` unless kept.
+    - `impacts`: record of impacts, whose times count from the start of the run; ``None`` unless
+      kept.
+    - `sections`: records of crossings, by name of the section.
     """
 
     values: dict[str, Numbers]
@@ -105,10 +112,14 @@ def followed(
 
     **Arguments:**
 
+    - `scheme`: method and formulation of the equations of motion.
+    - `family`: scene and initial state as functions of the p parameters.
+    - `outputs`: the quantities to evaluate, by name.
     - `times`: (N,) s, rising or repeated.
     - `t0`, `t_end`: s, start and end of the run.
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.
+    - `kept`: results to keep besides the values of the quantities.
     """
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system = systems.system()
@@ -175,7 +186,7 @@ def _scanned(
 
 
 def _first_records(method: Method, system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
-    """Return the records before the first step, without that of the latest attempt."""
+    """Return the records of impacts and sections before the first step, by name."""
     records: dict[str, PyTree] = {
         SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
     }
@@ -254,7 +265,11 @@ def recorded_run(
     impacts: bool,
     sections: dict[str, SectionRecorder],
 ) -> Sampled:
-    """Run with enough rows for all impacts, and return the result in host arrays."""
+    """Run `followed` with room for all impacts, and return its result as NumPy arrays.
+
+    **Arguments:** `arguments`: the arguments of `followed` except the last; `states`, `impacts`:
+    whether to keep states and impacts; `sections`: recorders of crossings, by name.
+    """
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
@@ -265,7 +280,10 @@ def recorded_run(
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
-    """Return the times, followed by the end time, so that their number is 64, 512, 4096 ..."""
+    """Append copies of the end time to times, until their number is 64, 512, 4096 ...
+
+    **Arguments:** `times`: (N,) s; `end_time`: s.
+    """
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

@@ -1,4 +1,4 @@
-"""Results that a run keeps besides its final state."""
+"""The argument `save` of runs: results that a run keeps besides its final state."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,15 +23,15 @@ class Saving:
 
     **Arguments:**
 
-    - `times`: (N,) s, rising, at which to save the state, by dense output: they do not change the
-      steps.
-    - `steps`: keep the state after every accepted step.
-    - `impacts`: tabulate all finished contacts.
-    - `sections`: Poincaré sections by name, whose crossings are kept; see `Section`.
-    - `outputs`: reductions by name, such as `Peak`, which are updated in every step; their results
-      are in `solution.outputs`.
+    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. Dense
+      output gives these states, so that the times do not change the steps.
+    - `steps`: keep the state after every accepted step, in `solution.steps`.
+    - `impacts`: tabulate all finished contacts, in `solution.impacts`.
+    - `sections`: each `Section` by name, whose crossings are kept in `solution.sections`.
+    - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
+      results are in `solution.outputs`.
 
-    **Raises:** `ValueError` for times that do not rise strictly.
+    **Raises:** `ValueError` for times that do not rise strictly, and for fields of other types.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -81,34 +81,39 @@ class Saving:
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the times to save at, and check that they are between start and end, s.
+        """Return the times to save at, (N,) s, or ``None``, after a check of their range.
 
-        **Raises:** `ValueError` for times outside.
+        **Raises:** `ValueError` for times before `start_time` or after `end_time`, s.
         """
         if self.times is None:
             return None
         return checked_times(start_time, end_time, self.times, "times")
 
     def require_no_steps(self, where: str, remedy: str) -> None:
-        """Check that steps are not requested, for runs that cannot keep them."""
+        """Check that steps are not requested, for runs that cannot keep them.
+
+        **Arguments:** `where`, `remedy`: texts of the message, such as "of a run with derivatives".
+
+        **Raises:** `ValueError` otherwise.
+        """
         require(not self.steps, "steps", True, f"False {where}", remedy)
 
     def require_times_alone(self, where: str, remedy: str) -> None:
-        """Check that only states at given times are requested."""
+        """Check that nothing but states at given times is requested; as `require_no_steps`."""
         self.require_no_steps(where, remedy)
         require(not self.impacts, "impacts", True, f"False {where}", remedy)
         require(not self.sections, "sections", sorted(self.sections), f"none {where}", remedy)
         self.require_no_outputs(where, remedy)
 
     def require_no_outputs(self, where: str, remedy: str) -> None:
-        """Check that no reductions are requested, for runs that cannot have them."""
+        """Check that no reductions are requested; arguments and error as of `require_no_steps`."""
         require(not self.outputs, "outputs", sorted(self.outputs), f"none {where}", remedy)
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return a `Saving`, an empty one for ``None``.
+    """Return the given `Saving`, or for ``None`` a `Saving` that keeps no results.
 
-    **Raises:** `ValueError` for another type.
+    **Raises:** `ValueError` for an argument of another type.
     """
     kind = type(save).__name__
     remedy = "pass cj.Saving(times), with times in s"

@@ -1,7 +1,8 @@
-"""Poincaré sections: values of quantities where another quantity passes zero, rising.
+"""Poincaré sections: values of quantities at instants at which another quantity rises through zero.
 
-Single runs and runs with derivatives tabulate the channels at each crossing (`SectionRecorder`).
-Lanes of sweeps record the state there, and the channels are computed afterwards.
+Single runs and runs with derivatives compute the channels, the values of quantities, at each
+crossing (`SectionRecorder`). Lanes of sweeps record the state at each crossing, from which the
+channels are computed later (`clearjoint.simulation.lanes`).
 """
 
 from collections.abc import Callable, Mapping
@@ -35,14 +36,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TIME = "time"
-"""Name of the column of times, which no channel has."""
+"""Column of the times of crossings. No channel may have this name."""
 
 
 class Crossing(eqx.Module):
-    """The condition of a Poincaré section: a quantity passes zero, rising.
+    """The condition of a Poincaré section: a quantity rises through zero.
 
-    **Arguments:** `quantity`: a scalar function of an `Instant`. `after`: s; earlier crossings are
-    ignored.
+    **Arguments:** `quantity`: a scalar function of an `Instant`; `after`: s, time before which
+    crossings are ignored.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -86,20 +87,23 @@ def crossing_row(
 
 
 class SectionRecorder(eqx.Module):
-    """Tabulates the first `count` crossings of a section."""
+    """Recorder that tabulates the first `count` crossings of a section.
+
+    `channels`: pairs of a name and a quantity, which is evaluated at each crossing.
+    """
 
     crossing: Crossing
     channels: tuple[tuple[str, Quantity], ...] = eqx.field(static=True)
     count: int = eqx.field(static=True)
 
     def start(self, system: System, step: Step) -> "SectionRecord":
-        """Return the record before the first step, without crossings."""
+        """Return the record before the first step: the level at the start, and an empty table."""
         now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
         table = RowBuffer.like(self.nothing(), self.count)
         return SectionRecord(self, self.crossing.level(now), table)
 
     def nothing(self) -> dict[str, Scalar]:
-        """Return a row of zeros."""
+        """Return a row of zeros: the time and each channel, by name."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels))}
 
 
@@ -140,7 +144,7 @@ class SectionRecord(eqx.Module):
 def after_sections(
     records: Mapping[str, SectionRecord], step_outcome: StepOutcome
 ) -> dict[str, SectionRecord]:
-    """Return the records of several sections after a step was tried, by name."""
+    """Return the updated records of several sections, by name, after a step was tried."""
     return {name: record.after(step_outcome) for name, record in records.items()}
 
 
@@ -161,9 +165,9 @@ class Crossings(AbstractReadable, AbstractTabular):
     units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "time", the times of the crossings, with units.
+        """Return the crossings as an `xarray.Dataset`: a variable along "time" for each channel.
 
-        See `AbstractTabular`.
+        "time" has the times of the crossings, s. See `AbstractTabular` for other formats.
         """
         values = {
             name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
@@ -178,7 +182,7 @@ class Crossings(AbstractReadable, AbstractTabular):
 def with_units(
     crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """Return the crossings with the units of the sections' channels."""
+    """Return copies of crossings, by name of the section, with the units of its channels added."""
     units = {
         name: {key: unit for key, (_, unit) in section.channels.items()}
         for name, section in sections.items()
@@ -187,7 +191,7 @@ def with_units(
 
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
-    """Return the crossings of each section by name, in host arrays."""
+    """Return the crossings that the records contain, by name of the section, as NumPy arrays."""
     tables = jax.device_get({name: record.table for name, record in records.items()})
     return {name: _crossings(table) for name, table in tables.items()}
 
@@ -199,14 +203,17 @@ def _crossings(table: RowBuffer[dict[str, Scalar]]) -> Crossings:
 
 @dataclass(frozen=True)
 class Section:
-    """A Poincaré section: values of quantities where another quantity passes zero, rising.
+    """A Poincaré section: values of quantities at instants at which another one rises through zero.
 
     **Arguments:**
 
-    - `crossing`: the quantity that passes zero.
-    - `channels`: quantity and unit by name, evaluated at each crossing.
-    - `count`: number of crossings to keep, the first ones.
-    - `after`: s; earlier crossings are ignored, to leave out a transient.
+    - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
+    - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
+    - `count`: largest number of crossings; later ones are not kept.
+    - `after`: s, time before which crossings are ignored, to leave out a transient.
+
+    **Raises:** `ValueError` for channels that are not such pairs, for names that no array can have,
+    and for a `count` that is not a positive integer.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),
@@ -228,16 +235,19 @@ class Section:
 
     @property
     def condition(self) -> Crossing:
-        """The condition of the section, for a compiled program."""
+        """The condition of the section, as an argument of compiled programs."""
         return Crossing(self.crossing, on_device(self.after))
 
     @property
     def recorder(self) -> SectionRecorder:
-        """A recorder of the section's crossings."""
+        """The recorder that tabulates the section's crossings in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
         return SectionRecorder(self.condition, channels, self.count)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that the quantities name."""
+        """Check that a scene has the elements that `crossing` and `channels` name.
+
+        **Raises:** `ValueError` otherwise.
+        """
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

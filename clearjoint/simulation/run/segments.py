@@ -1,7 +1,8 @@
 """Segments of a run: the compiled loop of steps, with its recorders.
 
-A segment ends at the end time, after a number of attempts, at a failure, or when a buffer of rows
-is full. The host then empties the buffers, shows progress and starts the next segment.
+A segment ends at the end time, after the last time to save at, after a number of attempts, at a
+failure, or when a buffer of rows is full. Python then empties the buffers, shows progress and
+starts the next segment.
 """
 
 from dataclasses import replace
@@ -29,20 +30,20 @@ from .sections import SectionRecord, SectionRecorder, after_sections
 
 
 class TimedState(eqx.Module):
-    """A time in s and the state then, with alike elements in groups."""
+    """A time in s and the state at that time, in scalar form, with alike elements in groups."""
 
     t: Numbers
     state: State
 
 
 class ReductionRecord(eqx.Module):
-    """A reduction and its tally after the latest step."""
+    """A reduction and its tally, the data it carries, after the latest accepted step."""
 
     reduction: AbstractReduction
     tally: PyTree
 
     def after(self, step_outcome: StepOutcome) -> "ReductionRecord":
-        """The record after a step was tried."""
+        """Return the record after a step was tried: updated if the step was accepted."""
         updated = self.reduction.update(self.tally, step_outcome.now)
         return ReductionRecord(self.reduction, choose(step_outcome.kept, updated, self.tally))
 
@@ -50,9 +51,11 @@ class ReductionRecord(eqx.Module):
 class Progress(eqx.Module):
     """A run between two segments.
 
-    `last`: the latest accepted step, if states are saved; `record`: accepted steps since the buffer
-    was emptied; `impacts`: finished contacts since then. Each is ``None`` unless requested.
-    `sections` and `reductions`: records by name.
+    - `step`: the complete state after the latest attempt.
+    - `last`: the latest accepted attempt, for states inside it; ``None`` unless states are saved.
+    - `record`: states after the accepted steps since the buffer was emptied, or ``None``.
+    - `impacts`: contacts that finished since the buffers were emptied, or ``None``.
+    - `sections`, `reductions`: records of the whole run so far, by name.
     """
 
     step: Step
@@ -64,7 +67,10 @@ class Progress(eqx.Module):
 
 
 class SavedStates(eqx.Module):
-    """States at the times of a segment, and whether each time was reached."""
+    """States at the N times to save at of a segment.
+
+    `states`: in scalar form with N in front; `reached`: (N,), whether the run reached each time.
+    """
 
     states: State
     reached: jax.Array
@@ -85,9 +91,15 @@ def begin(
 ) -> Progress:
     """Return the run before its first step.
 
-    **Arguments:** numbers as arrays, scene and state in packed form; `saves`: whether states are
-    saved at given times; `record_rows`, `impact_rows`: rows of the buffers of accepted steps and of
-    each contact's impacts, ``None`` to record none.
+    **Arguments:**
+
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `folded_scene`, `state`: scene and initial state, in packed form.
+    - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
+    - `saves`: whether states will be saved at given times.
+    - `record_rows`, `impact_rows`: number of rows of the buffer of accepted steps, and of the
+      buffer of each contact's impacts; ``None`` to record none.
+    - `sections`, `reductions`: recorders of crossings, and reductions, by name.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
@@ -119,8 +131,15 @@ def segment(
     attempts: Scalar,
     loops: AbstractLoops = PLAIN,
 ) -> tuple[Progress, SavedStates | None]:
-    """Continue a run until the end time, a failure, `attempts` in all, a full buffer, or the last
-    of the (rising) times to save at, whichever comes first."""
+    """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
+    time to save at, whichever comes first.
+
+    **Arguments:** `save_times`: (N,) s, rising, times to save at, or ``None``; `t_end`: s, end of
+    the run; `attempts`: largest number of attempts since the start of the run; `loops`: the kind
+    of loops, which depends on how the run is differentiated.
+
+    **Returns:** the run after the segment, and the states at the N times; ``None`` without times.
+    """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     if save_times is None:
         return _run(method, system, progress, t_end, t_end, attempts, loops), None
@@ -136,7 +155,7 @@ def segment(
 
 
 def emptied(progress: Progress) -> Progress:
-    """Return the run with empty buffers, after the host has read the rows."""
+    """Return the run with empty buffers of steps and impacts, after Python has read their rows."""
     record, impacts = jax.tree.map(
         lambda part: part.emptied() if isinstance(part, RowBuffer) else part,
         (progress.record, progress.impacts),
@@ -154,7 +173,11 @@ def _run(
     attempts: Scalar,
     loops: AbstractLoops,
 ) -> Progress:
-    """Take steps until one passes `stop` or a buffer is full; no step goes past `t_end`."""
+    """Return the run after steps up to the first that ends at or after `stop`, s.
+
+    The steps end earlier at a failure, after `attempts` attempts since the start of the run, and
+    when a buffer is full. No step goes past `t_end`, s.
+    """
 
     def goes(now: Progress) -> Condition:
         more = (now.step.t < stop) & running(now.step, t_end, attempts)
@@ -185,7 +208,7 @@ def _is_buffer(tree: object) -> bool:
 
 
 def _with_step(record: RowBuffer[TimedState], step_outcome: StepOutcome) -> RowBuffer[TimedState]:
-    """The record with the step that was tried, if it was accepted."""
+    """Return the buffer with the state after the step that was tried, if it was accepted."""
     return record.with_row(
         _row(step_outcome.system, step_outcome.tried.step), step_outcome.tried.kept
     )
@@ -194,7 +217,7 @@ def _with_step(record: RowBuffer[TimedState], step_outcome: StepOutcome) -> RowB
 def _reduced(
     records: dict[str, ReductionRecord], step_outcome: StepOutcome
 ) -> dict[str, ReductionRecord]:
-    """The records of reductions after a step was tried, by name."""
+    """Return the updated records of reductions, by name, after a step was tried."""
     return {name: record.after(step_outcome) for name, record in records.items()}
 
 

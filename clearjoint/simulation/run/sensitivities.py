@@ -1,10 +1,10 @@
-"""Forward sensitivities with error control: derivatives of quantities along a motion.
+"""Derivatives of quantities along a motion with respect to parameters, with error control.
 
-Differentiating through an adaptive loop gives the derivative of the discretisation, which differs
-from that of the motion near impacts. Here the variational equations are integrated together with
-the state and share its error control, entry speeds are differentiated at the true onset of a
-contact, and steps land on onsets within 1e-13 m. `studies.speed_accuracy` measures the accuracy,
-and `studies.benchmark` the cost.
+Automatic differentiation of an adaptive solver gives the derivatives of its computed steps. Near
+impacts these differ from the derivatives of the exact motion. Here instead the variational
+equations are integrated together with the state, under the same error control. Entry speeds are
+differentiated at the true onset of a contact, and steps end at onsets within 1e-13 m of depth.
+`studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
 """
 
 from collections.abc import Mapping
@@ -45,19 +45,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sensitivities(AbstractTabular):
-    """Quantities along a motion and their derivatives.
+    """Values of quantities at N times of a motion, and derivatives with respect to p parameters.
 
-    - `times`: (N,) s, the requested times that were reached.
-    - `values[name]`: (N,), in the quantity's unit.
-    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales (of a
-      `Log` scale: to the logarithm), in the order of `parameters`.
-    - `time`, `result`: end of the run in s, and its `RESULTS` code.
-    - `attempts`, `accepted`: steps tried and accepted.
-    - `saved`: the states at the times to save at; `impacts`: the table of finished contacts; both
-      ``None`` unless requested.
+    - `parameters`: the p names of the parameters.
+    - `times`: (N,) s, the requested times that the run reached.
+    - `values[name]`: (N,), the values of the quantity of this name, in its unit.
+    - `derivatives[name]`: (N, p), derivatives of these values, in the order of `parameters`. They
+      are with respect to the coordinates of the parameters' scales: for a parameter with the scale
+      `Log`, with respect to its natural logarithm.
+    - `time`: s, the time at which the run ended; `result`: its `RESULTS` code.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `saved`: the `Trajectory` at `Saving.times`, and `impacts`: the table of finished contacts;
+      each is ``None`` unless requested.
     - `sections[name]`: the `Crossings` of each requested section.
-    - `units[name]`: units of the quantities that have one; `scales`: labels of the parameters'
-      coordinates, such as "log clearance"; `settings`: as of `Solution`.
+    - `units[name]`: unit of each quantity that declares one.
+    - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
+    - `settings`: the settings of the run, as pairs of a name and a text or number.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export values and derivatives.
 
@@ -131,23 +134,31 @@ def sensitivities(
 ) -> Sensitivities:
     """Integrate a scene together with the derivatives of its motion with respect to parameters.
 
-    Derivatives are finite at singular points: at a centred journal and at zero depth they are those
-    of free flight, at zero slip those of one side of the friction law, and at zero entry speed
-    those of the damping at the law's `entry_speed_floor`. Derivatives with respect to the initial
-    position of a journal that touches the wall have no meaning, since contact at the start counts
-    as elastic and the motion depends on it discontinuously.
+    At points where the equations are singular, the derivatives are finite by convention. At a
+    centred journal and at zero depth they are the derivatives of free flight. At zero slip they
+    belong to one side of the friction law. At zero entry speed they use the damping at the law's
+    `entry_speed_floor`.
+
+    Derivatives with respect to the initial position of a journal that touches the wall at the start
+    have no meaning: such a contact counts as elastic, so that the motion jumps when the initial
+    gap passes zero.
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` in s: as in `simulate`. Parameters have the values
-      in the scene.
-    - `parameters`: parameters to differentiate with respect to, by name; see `Parameter`.
-    - `outputs`: functions of an `Instant`, such as `clearjoint.quantities`, by name.
-    - `times`: (N,) s, rising, at which the outputs are evaluated.
-    - `settings`: how to integrate; `clearjoint.presets.derivatives` unless given.
-    - `save`: further results to keep: states at given times, impacts and sections.
-    - `throw`: raise `SimulationError`, with the results so far, if the run fails.
+    - `scene`, `state`: the mechanism and its initial state, as in `simulate`. The derivatives are
+      taken at the values that the parameters have there.
+    - `start_time`, `end_time`: s.
+    - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
+    - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
+      `clearjoint.quantities`, by names of your choice.
+    - `times`: (N,) s, rising, between start and end, at which the outputs are evaluated.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
+    - `save`: further results to keep: states at given times, impacts and sections. Steps and
+      reductions cannot be kept.
+    - `throw`: if the run fails, raise `SimulationError`, whose `solution` has the results so far.
     - `progress`: show the time spent compiling.
+
+    **Returns:** `Sensitivities`.
 
     **Raises:** `ValueError` for invalid arguments, and for elements that compare something with
     time but declare no `breakpoints`, since derivatives would lack the saltation there;
@@ -205,7 +216,12 @@ def _result(
     saved: np.ndarray | None,
     start_time: float,
 ) -> Sensitivities:
-    """Return outputs at the requested times, and states at those to save at."""
+    """Return the results of a run, with outputs and states selected from the rows at `all_times`.
+
+    **Arguments:** `sampled`: outputs, derivatives and states at `all_times`; `all_times`: (A,) s,
+    `requested` and `saved` together; `requested`: (N,) s, times of the outputs; `saved`: (S,) s,
+    times of states, or ``None``; `start_time`: s, added to times of impacts.
+    """
     rows = _rows_reached(sampled, all_times, requested)
     return Sensitivities(
         parameters=parameters,
@@ -229,7 +245,7 @@ def _result(
 def _rows_reached(
     sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the rows among all times of those of `times` that the run reached."""
+    """Return the indices in `all_times` of those `times`, both s and rising, that were reached."""
     rows = np.searchsorted(all_times, times)
     return rows[sampled.reached[rows]]
 
@@ -237,7 +253,7 @@ def _rows_reached(
 def _trajectory(
     sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Trajectory:
-    """Return the states at those of `times` that the run reached."""
+    """Return the trajectory at those `times` (a subset of `all_times`) that the run reached."""
     rows = _rows_reached(sampled, all_times, times)
     states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
     return Trajectory(times[: len(rows)], pack(states))
@@ -246,7 +262,7 @@ def _trajectory(
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
     """Check that outputs are functions by name, and that the scene has the elements they name.
 
-    **Raises:** `ValueError` that names the output.
+    **Raises:** `ValueError` that names the first invalid output, and for an empty mapping.
     """
     example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
     require_names("outputs", outputs, example)

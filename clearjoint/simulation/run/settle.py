@@ -1,4 +1,4 @@
-"""Simulation until a motion is periodic or steady."""
+"""Simulation, block by block of periods, until a motion is periodic, steady or stationary."""
 
 import enum
 from dataclasses import dataclass, replace
@@ -21,14 +21,20 @@ from .sections import Section
 from .simulate import simulate
 
 BLOCK = 10
-"""Periods of one run; the motion is assessed after each run."""
+"""Number of periods of one run. After each run the motion so far is assessed."""
 PHASES = 16
-"""States that are compared in each period."""
+"""Number of states in each period that are compared with those of another period."""
 SECTION = "settle"
 
 
 class Settling(enum.Enum):
-    """How a motion settled; the value is a description in words.
+    """How a motion settled; the value of each member is a description in words.
+
+    - `PERIODIC`: it repeats after a number of periods.
+    - `STEADY`: it is at rest.
+    - `STATIONARY`: it does not repeat, but means and standard deviations are constant.
+    - `UNSETTLED`: none of these after the largest number of periods.
+    - `FAILED`: a run ended with a failure.
 
     >>> cj.Settling.UNSETTLED.value
     'not settled'
@@ -43,19 +49,23 @@ class Settling(enum.Enum):
 
 @dataclass(frozen=True)
 class Settled:
-    """State and time at which a motion settled, and how.
+    """Result of `settle`: how a motion settled, and the state and time at the end.
 
     - `kind`: a `Settling`. A `STATIONARY` motion is chaotic, quasi-periodic, or periodic with a
-      larger multiple than was tried. No finite run can exclude a long transient with constant
-      statistics.
-    - `state`, `time`: at the end, s. Continue with ``simulate(..., start_time=settled.time)``. If
-      everything that depends on time has the period, `start_time` works as well: it is a whole
-      number of periods earlier.
-    - `periods`: number of periods, or crossings of a section, that were simulated.
-    - `multiple`: number of drive periods in one period of the motion; ``None`` unless periodic.
-    - `period`: s, the drive's, or the mean time between crossings; ``None`` without crossings.
-    - `changes`: (n,), largest change of the motion over `multiple` periods (one if not periodic),
-      for each period, relative to the range of the motion.
+      larger multiple than was tried. No finite run can exclude that it is a long transient whose
+      statistics are constant.
+    - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
+      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If drivers and
+      loads repeat with the period, the motion may be continued from `start_time` instead, which is
+      a whole number of periods before `time`.
+    - `start_time`: s, the start of the first run.
+    - `periods`: number of periods, or of times between crossings of the section, that were
+      simulated.
+    - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
+    - `period`: s, the given period, or the mean time between the last crossings of the section;
+      ``None`` with fewer than two crossings.
+    - `changes`: (n,), for each period the largest change of the motion since `multiple` periods
+      earlier (one period if not periodic), relative to the range of the motion.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -75,11 +85,11 @@ class Settled:
 
     @property
     def settled(self) -> bool:
-        """Whether the motion is periodic, steady, or stationary."""
+        """``True`` if the motion is periodic, steady or stationary."""
         return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
 
     def __str__(self) -> str:
-        """Describe in a sentence how the motion settled and after how many periods."""
+        """Return a sentence that says how the motion settled and after how many periods."""
         after = f"after {self.periods} periods, at t = {self.time:.9g} s"
         if self.kind is Settling.FAILED:
             return f"A run failed {after}: {RESULTS[self.result]}"
@@ -106,9 +116,10 @@ def settle(
 ) -> Settled:
     """Simulate until the motion is periodic or steady, or the largest number of periods is reached.
 
-    With the `period` of a drive, the motion is compared at 16 phases of each period with that one
-    period before, two periods before, and so on up to `largest_multiple`. With a `section`, its
-    channels at the crossings and the times between crossings are compared.
+    With the `period` of a drive, the states at 16 phases of each period are compared with the
+    states one period before, two periods before, and so on up to `largest_multiple`. With a
+    `section`, the values of its channels at each crossing, and the time since the last crossing,
+    are compared with those one crossing before, two crossings before, and so on.
 
     ```python
     import math
@@ -123,20 +134,23 @@ def settle(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` in s: as in `simulate`.
-    - `settings`: how to integrate; `clearjoint.presets.accurate` unless given.
-    - `period`: s, the period of everything that depends on time: 2 pi over the drive's speed.
-    - `section`: used instead of a period for motions without a drive; its `count` and `after` are
-      ignored. `span`: s, a time in which it is crossed once or a few times.
-    - `periods`: largest number of periods to simulate; of `span`s with a section.
+    - `scene`, `state`: the mechanism and its initial state, as in `simulate`.
+    - `start_time`: s.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.accurate` unless given.
+    - `period`: s, the period of all drivers and loads: 2 pi over a drive's speed in rad/s.
+    - `section`: a `Section`, used instead of `period` for motions without a drive. The fields
+      `count` and `after` of the section are ignored.
+    - `span`: s, only with a section: a time in which the section is crossed about once.
+    - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
+      is rounded up to a multiple of 10.
     - `largest_multiple`: largest number of periods after which the motion may repeat.
-    - `tolerance`: the motion repeats if its change is below this for at least three periods,
-      relative to the ranges of positions, velocities and spins. For a motion over 0.1 m, 1e-5 is a
-      micrometre. `rtol` must be well below it.
+    - `tolerance`: relative. A motion repeats if its change is not above `tolerance` for at least
+      three periods. Changes are relative to the ranges of positions, velocities and spins: for a
+      motion over 0.1 m, 1e-5 is a micrometre. `settings.rtol` must be well below `tolerance`.
     - `progress`: show a progress bar.
 
-    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error:
-    see `kind`.
+    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
+    `kind` of the result tells.
 
     **Raises:** `ValueError` for invalid arguments.
     """
@@ -161,24 +175,30 @@ def settle(
 
 @dataclass(frozen=True)
 class _Rhythm:
-    """When a motion is compared: each `period`, s, or where it crosses a `section`, about once in
-    a period."""
+    """Instants at which a motion is compared.
+
+    `period`: s; `section`: ``None``, or a section that is crossed about once in a `period`.
+    """
 
     period: float
     section: Section | None
 
     def saving(self, start: float) -> Saving:
-        """Return what the run of a block keeps."""
+        """Return the results that the run of a block from `start`, s, must keep.
+
+        They are states at all phases of `BLOCK` periods, and the crossings of the section.
+        """
         times = start + self.period * np.arange(1, PHASES * BLOCK + 1) / PHASES
         if self.section is None:
             return Saving(times)
+        # More crossings than `BLOCK` may occur, as the span is only a rough guess.
         most = replace(self.section, count=PHASES * BLOCK, after=start)
         return Saving(times, sections={SECTION: most})
 
 
 @dataclass(frozen=True)
 class _Runs:
-    """State, time and result after the latest run, and the solutions of all runs."""
+    """State, time (s) and result code after the latest run, and the solutions of all runs."""
 
     state: State
     time: float
@@ -186,7 +206,7 @@ class _Runs:
     parts: tuple[Solution, ...]
 
     def after(self, scene: Scene, settings: Settings, rhythm: _Rhythm) -> "_Runs":
-        """Simulate one more block."""
+        """Simulate `BLOCK` more periods and return the runs with the new solution."""
         save = rhythm.saving(self.time)
         end = float(np.asarray(save.times)[-1])
         solution = simulate(
@@ -203,11 +223,14 @@ class _Runs:
         return _Runs(solution.final, float(solution.time), solution.result, parts)
 
     def states(self) -> State:
-        """The states at all phases of all periods."""
+        """Return the states at all phases of all periods, with their number in front."""
         return jax.tree.map(lambda *rows: np.concatenate(rows), *(p.states for p in self.parts))
 
     def crossings(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Times (n,) s of all crossings of the section, and each channel there, (n,)."""
+        """Return the times of all n crossings of the section, (n,) s, and a list of channels.
+
+        Each item of the list is the values of one channel at the crossings, (n,).
+        """
         parts = [part.sections[SECTION] for part in self.parts]
         times = np.concatenate([np.asarray(part.times) for part in parts])
         names = parts[0].values
@@ -215,7 +238,7 @@ class _Runs:
         return times, [np.concatenate(channel) for channel in channels]
 
     def strobe(self, rhythm: _Rhythm) -> Strobe:
-        """Return the motion once a period."""
+        """Return the motion as one row of numbers for each period."""
         if rhythm.section is None:
             return strobe_of(self.states(), PHASES)
         return section_strobe(*self.crossings())
@@ -224,7 +247,13 @@ class _Runs:
 def _assessment(
     now: _Runs, rhythm: _Rhythm, largest_multiple: int, tolerance: float, last: bool
 ) -> tuple[Settling, int | None] | None:
-    """Return how the motion has settled, and its multiple; ``None`` if it may still settle."""
+    """Return how the motion has settled, and the number of periods after which it repeats.
+
+    The number is ``None`` unless the motion is periodic. The result is ``None`` as a whole if the
+    motion may still settle.
+
+    **Arguments:** `last`: whether no further run follows.
+    """
     if now.result != RESULTS.successful:
         return Settling.FAILED, None
     # A motion at rest repeats itself too, so ask for that first.
@@ -242,7 +271,10 @@ def _assessment(
 def _settled(
     now: _Runs, rhythm: _Rhythm, start_time: float, kind: Settling, multiple: int | None
 ) -> Settled:
-    """Return the result; of a run that failed only the blocks before it count."""
+    """Return the result of `settle`; a run that failed does not count in `periods` and `changes`.
+
+    **Arguments:** `kind`, `multiple`: as in `Settled`.
+    """
     finished = replace(now, parts=tuple(p for p in now.parts if p.result == RESULTS.successful))
     strobe = finished.strobe(rhythm) if finished.parts else Strobe(np.zeros((0, 1)), np.ones(1))
     period: float | None = rhythm.period
@@ -265,7 +297,10 @@ def _settled(
 
 
 def _rhythm(period: float | None, section: Section | None, span: float | None) -> _Rhythm:
-    """Return when the motion is compared, from a period or from a section with its span."""
+    """Return the instants at which the motion is compared, from the arguments of `settle`.
+
+    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given.
+    """
     one = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"
     require(one, "period", period, "given if and only if `section` is not", remedy)

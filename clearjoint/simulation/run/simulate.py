@@ -32,8 +32,8 @@ from .saving import Saving, saving_or_nothing
 from .segments import begin
 
 STEP_ROWS, IMPACT_ROWS = 4096, 64
-"""Rows of the buffers of accepted steps, and of the impacts of each contact. A run goes back to its
-host when one is full."""
+"""Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
+is full, compiled code returns to Python, which empties all buffers."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 
 
@@ -51,45 +51,47 @@ def simulate(
 ) -> Solution:
     """Integrate the equations of motion of a scene.
 
-    The program is compiled once for each structure of the scene and each method. Changing values
-    does not recompile it, unless a vector component changes to or from exactly 0 or 1 (those are
-    folded as constants).
+    The program is compiled once for each structure of the scene and each integration method. Other
+    values of a scene's numbers use the same program, unless a vector component changes to or from
+    exactly 0 or 1 (a folded constant).
 
     The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
-    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
-    traced run raises no error. A value that would raise one otherwise, such as a clearance that is
-    NaN, ends it before the first step with the result `domain`.
+    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A run
+    that JAX traces raises no error for an invalid number, such as a clearance that is NaN. Instead,
+    such a run ends before its first step with the result `RESULTS.domain`.
 
-    Derivatives by these transformations are those of the computed steps, not of the motion. Their
-    error is far above that of the states and falls slowly with the tolerance. Use
-    `clearjoint.presets.derivatives` for them, or better `clearjoint.sensitivities`.
+    Derivatives by these transformations are derivatives of the computed steps, not of the exact
+    motion. Their error is far above the error of the states, and falls slowly with the tolerance.
+    Prefer `clearjoint.sensitivities`, or at least use `clearjoint.presets.derivatives`.
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its initial state. The state must satisfy the constraints
-      (see `assemble`). Its entry speeds, bristles and energy ledger are continued.
-    - `end_time`, `start_time`: s.
-    - `settings`: how to integrate; `clearjoint.presets.default` unless given.
+    - `scene`: the mechanism.
+    - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
+      continues from the entry speeds, bristles and energy ledger of this state.
+    - `end_time`, `start_time`: s; the end must be after the start.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
     - `save`: results to keep besides the final state: states at given times, every step, impacts,
-      sections (crossings in `solution.sections`), and reductions such as `Peak` (results in
-      `solution.outputs`). Under a transformation, only states at given times.
+      sections, and reductions such as `Peak`. Under a transformation of JAX, only states at given
+      times can be kept.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
-      mode is then unavailable. `checkpoints` is the number of states that are stored; the steps
-      between them are computed again. The default of 300 was fastest up to 36 000 steps. Any
-      number works for any run, and results without differentiation do not depend on it.
-    - `throw`: raise `SimulationError` if the run fails, instead of returning its result code.
+      mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
+      the steps between stored states are computed again. The default of 300 was fastest up to
+      36 000 steps. Any number works for any run, and does not change the solution.
+    - `throw`: if the run fails, raise `SimulationError`. Otherwise a failed run returns a
+      `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while
       compiling.
 
     **Returns:** a `Solution`.
 
-    **Raises:** `SimulationError` if the run fails; `RunInterrupted`, a `KeyboardInterrupt` with the
-    solution so far, if a user stops it.
+    **Raises:** `ValueError` for invalid arguments; `SimulationError` if the run fails;
+    `RunInterrupted`, a `KeyboardInterrupt` with the solution so far, after Ctrl-C.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
-    in a saved state or at the end; `LawRangeWarning` if impacts are saved and one is deeper than
-    the range of its law (`beyond_law_ranges`); `UnusualValueWarning` for a journal that starts deep
-    in the wall of its bearing.
+    in a saved state or at the end; `LawRangeWarning` if impacts are saved, and a contact was deeper
+    than the range of its law (see `beyond_law_ranges`); `UnusualValueWarning` for a journal that
+    starts deep in the wall of its bearing.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -124,12 +126,14 @@ def simulate(
     start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
+    # A buffer's size is part of the compiled program; `None` leaves out the buffer.
     rows = STEP_ROWS if save.steps else None, IMPACT_ROWS if save.impacts else None
     saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
     now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, *rows, *kept)
     run = Run(folded_scene, scheme, end, redundant)
     if traced:
         if admissible is not None:
+            # With another result than `successful`, the loop of steps takes no step.
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
             now = eqx.tree_at(lambda progress: progress.step.result, now, result)
         save_at = None if times is None else on_device(times)
@@ -149,7 +153,7 @@ begin_compiled = Native(begin)
 
 
 def _array(number: Numbers, traced: bool) -> Any:
-    """Return the number as an array of NumPy, which costs the host less, or of JAX if traced."""
+    """Return a number as an array of NumPy, which is faster to make, or of JAX if it is traced."""
     return on_device(number) if traced else np.asarray(number, float)
 
 
@@ -161,7 +165,10 @@ def _check_numbers(
     settings: Settings,
     save: Saving,
 ) -> None:
-    """Check every number of a run, but not whether the state satisfies the constraints."""
+    """Check all numbers of a run, but not whether the state satisfies the constraints.
+
+    **Raises:** `ValueError` for the first number that is invalid.
+    """
     check_numbers(scene, state)
     check_span(start_time, end_time)
     settings.check_numbers()
@@ -169,7 +176,10 @@ def _check_numbers(
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Warn of journals outside their bearings in saved states, and of laws beyond their range."""
+    """Warn of journals outside their bearings, and of contacts deeper than their laws' ranges.
+
+    **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
+    """
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
     if kept or left_bearing:
         warn_of_journals_outside(scene, solution.time, solution.final, kept)

@@ -1,4 +1,4 @@
-"""Impact of a free mass on a wall, to see what a contact law delivers."""
+"""Impact of a free mass on a wall, which shows a contact law's restitution and peak force."""
 
 from dataclasses import dataclass
 
@@ -21,17 +21,20 @@ from .run_checks import check_precision
 TOLERANCE = 1e-11
 STEPS_A_CONTACT = 500
 LONGEST = 100.0
-"""Longest duration of a contact, s."""
+"""Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
-"""Depth in m at the start: the contact has begun, also for a law whose force jumps at zero."""
+"""Penetration at the start, m. It is positive, so that also a law whose force jumps at zero
+penetration has a force at once."""
 
 
 @dataclass(frozen=True)
 class FreeImpact:
     """Result of the impact of a free mass on a wall.
 
-    `restitution`: rebound speed over entry speed; `peak_force` in N; `largest_penetration` in m;
-    `duration` of the force in s.
+    - `restitution`: rebound speed over entry speed.
+    - `peak_force`: N, largest normal force.
+    - `largest_penetration`: m.
+    - `duration`: s, time from the begin of the force to its end.
 
     >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
@@ -51,9 +54,15 @@ def free_impact(
     bearing_radius: float | None = None,
     clearance: float | None = None,
 ) -> FreeImpact:
-    """Simulate the impact of a free mass (kg) on a wall at an entry speed (m/s).
+    """Simulate the impact of a free mass on a wall, with the normal force of a contact law.
 
-    **Arguments:** `bearing_radius` and radial `clearance` in m, if the law's stiffness needs them.
+    **Arguments:**
+
+    - `law`: the contact law.
+    - `mass`: kg.
+    - `entry_speed`: m/s, speed of the mass towards the wall when the contact begins.
+    - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
+      stiffness depends on them.
 
     **Raises:** `ValueError` if the mass does not leave the wall within 100 s, or if JAX computes in
     32 bits.
@@ -120,6 +129,6 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Return the largest value, by a parabola through the largest sample and its neighbours."""
+    """Return the peak of sampled values, (N,): that of a parabola through the largest three."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])
