@@ -37,16 +37,18 @@ from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
 OnFitIteration = Callable[[int, Iteration], None]
-"""A function of the number of samples in the fit and of an iteration."""
+"""Function of the number of samples in the fit and of an `Iteration`, called after each iteration."""
 WINDOW_TOLERANCE = 0.1
-"""Tolerance, in standard deviations, of the fits of all windows except the last."""
+"""Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
+the last one end.
+"""
 
 
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits`: the finished fits and, last, the best result so far of the interrupted fit, unless it
-    had no run yet.
+    `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
+    fit, if at least one run of that fit had ended.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -173,9 +175,14 @@ def identify_many(
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
-    """Fit several sets of measurements of the same channels and times, such as draws of the noise.
+    """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    Arguments are as in `identify`; the result has one fit for each set.
+    **Arguments:** `measurements`: sets with the same channels and times. Other arguments are those
+    of `identify` and apply to every set.
+
+    **Returns:** a list with one `Fit` for each set, in their order.
+
+    **Raises:** as `identify`; `FitInterrupted.fits` has the fits of all sets before the interruption.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -231,7 +238,7 @@ def identify_many(
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Warn once of fits far above the noise, and once of fits whose covariance is not valid."""
+    """Warn once if residuals are far above the noise, and once if a fit's covariance is not valid."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -249,7 +256,13 @@ def _warn(fits: Sequence[Fit]) -> None:
 
 @dataclass(frozen=True)
 class _Windows:
-    """Windows of the record up to each of the `ends`, s, and settings of the searches in them."""
+    """Searches over successively longer windows of the record.
+
+    - `runs`: simulations of the experiment at given coordinates of the parameters.
+    - `ends`: end of each window, s; the last one is the end of the record.
+    - `step_limits`: (p,) largest change of each coordinate in one step.
+    - `tolerance`, `max_iterations`: as in `identify`.
+    """
 
     runs: Experiment
     ends: tuple[float, ...]
@@ -265,10 +278,15 @@ class _Windows:
         on_iteration: OnFitIteration,
         searches: list[Search],
     ) -> tuple[Screened, ...]:
-        """Search from given starts (n, p) or from those that a screening finds.
+        """Search from given starts, or from starts that a screening finds.
 
-        Each search is appended to `searches` when it ends, so that none is lost if the next one is
-        interrupted. **Returns:** the results of the screening.
+        Each search is appended to `searches` when it ends, so that none is lost if the next search is
+        interrupted.
+
+        **Arguments:** `rows`: (n, p) coordinates of the starts; without effect if `passes` is given.
+        `passes`: the screening, or ``None``.
+
+        **Returns:** the results of the screening; empty without a screening.
         """
         data = samples(measurements, len(self.runs.times))
 
@@ -285,14 +303,17 @@ class _Windows:
         return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
-        """Search from a start (p,) over the successive windows."""
+        """Search from the coordinates `start` (p,), window by window; each window starts from the last."""
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
+            # A short window loses its minimum less easily than the record, because errors of the parameters
+            # have grown less over its few impacts.
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
             try:
                 best, iterations, ending = search_with_damping(
+                    # Without a prior, a parameter that the window hardly determines could leave its range here.
                     misfit if last else partial(_with_prior, misfit, at, self.step_limits),
                     at,
                     self.step_limits,
@@ -306,6 +327,7 @@ class _Windows:
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
+            # The search can converge on residuals that end where the run failed.
             if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
                 ending = Ending.FAILED
             windows.append(WindowSearch(end, iterations, ending))
@@ -324,9 +346,9 @@ def _with_prior(
     deviations: np.ndarray,
     at: np.ndarray,
 ) -> RunMisfit:
-    """Return the misfit at coordinates (p,) with a normal prior on the coordinates.
+    """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
 
-    The prior has the mean `centre` (p,) and the standard deviations `deviations` (p,).
+    The prior adds p residuals (at - centre)/deviations; `centre` and `deviations` are (p,).
     """
     plain = misfit(at)
     return replace(
@@ -340,7 +362,11 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield a function of an iteration that calls the user's function or shows a progress line."""
+    """Yield a function of (number of samples, iteration) that reports the iteration.
+
+    It calls `progress`, if that is a function, or else shows a progress line if `progress` is
+    ``True``. `searches` is the number of fits named in the line.
+    """
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
