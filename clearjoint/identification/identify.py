@@ -37,11 +37,11 @@ from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
 OnFitIteration = Callable[[int, Iteration], None]
-"""Function of the number of samples in the fit and of an `Iteration`, called after each iteration."""
+"""Function of the number of samples in the fit and of an `Iteration`, called after each
+iteration."""
 WINDOW_TOLERANCE = 0.1
 """Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
-the last one end.
-"""
+the last one end."""
 
 
 class FitInterrupted(KeyboardInterrupt):
@@ -182,7 +182,8 @@ def identify_many(
 
     **Returns:** a list with one `Fit` for each set, in their order.
 
-    **Raises:** as `identify`; `FitInterrupted.fits` has the fits of all sets before the interruption.
+    **Raises:** as `identify`; `FitInterrupted.fits` has the fits of all sets before the
+    interruption.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -238,7 +239,8 @@ def identify_many(
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Warn once if residuals are far above the noise, and once if a fit's covariance is not valid."""
+    """Warn once if residuals are far above the noise, and once if a fit's covariance is not
+    valid."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -280,11 +282,11 @@ class _Windows:
     ) -> tuple[Screened, ...]:
         """Search from given starts, or from starts that a screening finds.
 
-        Each search is appended to `searches` when it ends, so that none is lost if the next search is
-        interrupted.
+        Each search is appended to `searches` when it ends, so that none is lost if the next search
+        is interrupted.
 
-        **Arguments:** `rows`: (n, p) coordinates of the starts; without effect if `passes` is given.
-        `passes`: the screening, or ``None``.
+        **Arguments:** `rows`: (n, p) coordinates of the starts; without effect if `passes` is
+        given. `passes`: the screening, or ``None``.
 
         **Returns:** the results of the screening; empty without a screening.
         """
@@ -303,17 +305,20 @@ class _Windows:
         return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
-        """Search from the coordinates `start` (p,), window by window; each window starts from the last."""
+        """Search from the coordinates `start` (p,), window by window; each window starts from
+        the last."""
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
-            # A short window loses its minimum less easily than the record, because errors of the parameters
+            # A short window loses its minimum less easily than the record, because errors of the
+            # parameters
             # have grown less over its few impacts.
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
             try:
                 best, iterations, ending = search_with_damping(
-                    # Without a prior, a parameter that the window hardly determines could leave its range here.
+                    # Without a prior, a parameter that the window hardly determines could leave its
+                    # range here.
                     misfit if last else partial(_with_prior, misfit, at, self.step_limits),
                     at,
                     self.step_limits,

@@ -101,7 +101,8 @@ def start_coordinates(
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
-    """Return the coordinate of a parameter's guessed value; without a guess, of its present value."""
+    """Return the coordinate of a parameter's guessed value; without a guess, of its present
+    value."""
     try:
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))

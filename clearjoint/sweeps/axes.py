@@ -105,7 +105,8 @@ class Axis:
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the axis's values as text: the given label, or the number's SI unit."""
+        """Return the unit of the axis's values as text: the given label, or the number's SI
+        unit."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
@@ -116,7 +117,8 @@ class Axis:
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return text with the class name of the variation and a description of the user's function."""
+        """Return text with the class name of the variation and a description of the user's
+        function."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -126,7 +128,8 @@ class Lanes:
 
     - `scene`, `state`: the scene and initial state that the user passed.
     - `varied`: PyTree like `scene`; a leaf is ``True`` where the number differs between lanes.
-    - `scenes`: PyTree like `scene`; a varied leaf is an array (lanes, ...), another leaf is ``None``.
+    - `scenes`: PyTree like `scene`; a varied leaf is an array (lanes, ...), another leaf is
+      ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error message by number of the lane, for lanes with invalid values. These lanes don't
       run; their arrays contain the values of `scene` and `state`.
@@ -154,7 +157,8 @@ class Lanes:
         return unpack(jax.tree.map(in_all, joints, varied), leading=1)
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return the pair (scene, initial state) of the lane with the number `lane`, counted from 0."""
+        """Return the pair (scene, initial state) of the lane with the number `lane`, counted
+        from 0."""
         scene = jax.tree.map(
             lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
             self.scene,
@@ -226,8 +230,7 @@ def lanes_of(
 
 Columns = list[np.ndarray | None]
 """For each leaf of (scene, state), in the order of `jax.tree.leaves`, its values in all lanes,
-(lanes, ...); ``None`` for a leaf that no axis changes.
-"""
+(lanes, ...); ``None`` for a leaf that no axis changes."""
 
 
 def _columns_by_setters(
@@ -298,15 +301,14 @@ def _columns_by_functions(
 
 FEW = 16
 """Largest number of lanes whose values are checked in Python only, in which compilation of the
-checks would take longer than the checks.
-"""
+checks would take longer than the checks."""
 
 
 def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     """Return an array of bool, (lanes,): ``True`` where compiled checks accept the lane's values.
 
-    ``False`` means that the lane must be checked in Python, whether its values are valid or not. The
-    array is empty if no leaf changes.
+    ``False`` means that the lane must be checked in Python, whether its values are valid or not.
+    The array is empty if no leaf changes.
     """
     varied = [column for column in columns if column is not None]
     if not varied:
@@ -324,7 +326,8 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Return one condition: whether the elements with changed leaves pass their constructors' checks.
+    """Return one condition: whether the elements with changed leaves pass their constructors'
+    checks.
 
     `changed` has one entry for each leaf of (scene, state). **Returns:** ``None`` if a check needs
     the values of numbers, which are unknown while JAX traces the function.

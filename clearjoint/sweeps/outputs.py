@@ -1,4 +1,5 @@
-"""Outputs of a sweep: quantities and states at chosen times, tables of impacts, and their checks."""
+"""Outputs of a sweep: quantities and states at chosen times, tables of impacts, and their
+checks."""
 
 import abc
 from collections.abc import Callable, Mapping

@@ -137,7 +137,8 @@ def sweep(
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
-    # Both warnings come after the store is complete, so that they also cover lanes computed earlier.
+    # Both warnings come after the store is complete, so that they also cover lanes computed
+    # earlier.
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
@@ -152,7 +153,8 @@ def _check_axes(axes: Mapping[str, Axis]) -> None:
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn how many lanes failed, for each result code, with the first message about invalid values."""
+    """Warn how many lanes failed, for each result code, with the first message about invalid
+    values."""
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]
