@@ -310,8 +310,8 @@ class _Windows:
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
-            # A short window loses its minimum less easily than the record, because errors of the
-            # parameters
+            # In a short window errors of the parameters have grown over few impacts, so that a search
+            # converges from farther away than it would in the whole record.
             # have grown less over its few impacts.
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
