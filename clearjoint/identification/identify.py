@@ -310,9 +310,8 @@ class _Windows:
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
-            # In a short window errors of the parameters have grown over few impacts, so that a search
-            # converges from farther away than it would in the whole record.
-            # have grown less over its few impacts.
+            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # short window converges from farther away than in the whole record.
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
             try:
@@ -332,7 +331,8 @@ class _Windows:
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
-            # The search can converge on residuals that end where the run failed.
+            # Samples that a failed run did not reach have constant residuals, on which a search may
+            # converge.
             if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
                 ending = Ending.FAILED
             windows.append(WindowSearch(end, iterations, ending))

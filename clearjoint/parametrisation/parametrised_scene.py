@@ -1,4 +1,4 @@
-"""A scene and its initial state as functions of parameters, and derivatives along them."""
+"""A scene and its initial state as functions of parameters, and derivatives by the parameters."""
 
 import abc
 from collections.abc import Callable, Mapping
@@ -24,9 +24,9 @@ Coordinates = jax.Array | np.ndarray
 
 
 class AbstractFamily(eqx.Module):
-    """A scene and its initial state as functions of p parameters.
+    """A scene and its initial state as functions of the coordinates of p parameters.
 
-    `values`: (p,) coordinates at which the functions and their derivatives are evaluated.
+    `values`: (p,) coordinates at which `pushed` evaluates functions and their derivatives.
     """
 
     values: eqx.AbstractVar[Coordinates]
@@ -45,16 +45,18 @@ class AbstractFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function and its derivatives with respect to the parameters (forward mode).
+        """Compute a function of the scene and its derivatives by the parameters, in forward mode.
 
         **Arguments:**
 
         - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
           differentiated, and an auxiliary result, which is not.
-        - `primals`: arguments that follow the scene; they may depend on the parameters.
-        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
+        - `primals`: further arguments of the function, after the scene; they may depend on the
+          parameters.
+        - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
 
-        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
+        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
+        array. Derivatives are by the coordinates, not by the values.
         """
 
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
