@@ -40,7 +40,7 @@ def series_table(
     whiteness: Mapping[str, float],
     normality: Mapping[str, float],
 ) -> str:
-    """Return a table of the series: number of samples and tests of the residuals."""
+    """Return a table of the series: number of samples, and tests of the residuals, all by name."""
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     for name, row in residuals.items():
         cells = [f"{rms[name]:.3f}", f"{whiteness[name]:.2g}", f"{normality[name]:.2g}"]

@@ -12,7 +12,12 @@ from .residuals import RunMisfit
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Search over the samples up to `end_time`, s: its iterations and its ending."""
+    """Search that uses only the samples up to a time.
+
+    - `end_time`: s, end of the window.
+    - `iterations`: all runs of the search.
+    - `ending`: reason why the search ended.
+    """
 
     end_time: float
     iterations: tuple[Iteration, ...]

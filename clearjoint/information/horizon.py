@@ -30,9 +30,10 @@ LOOSER = 10.0
 """Tolerance of the run that estimates the error of the main run, relative to the main run's. A
 smaller tolerance than the main run's might be below rounding errors."""
 PATH_POINTS = 4
-"""Number of points of a path at which the slope of the misfit is computed, including the guess."""
+"""Number of points between the truth and a wrong guess, including the guess, at which the slope of
+the misfit is computed."""
 DERIVATIVE_ERROR = 0.1
-"""Relative error above which derivatives are useless for a fit."""
+"""Relative error of derivatives from which on a fit can't use them."""
 
 
 @dataclass(frozen=True)
