@@ -176,7 +176,7 @@ class Fit(AbstractTabular):
         """Values of the parameters, by name, at each other minimum that fits the data about as
         well.
 
-        These minima lie outside the confidence region of the best one. The list begins with the
+        These minima lie outside the confidence intervals of the best one. The list begins with the
         smallest chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)

@@ -11,7 +11,7 @@ from .program import RUN
 
 _SHOWN = 60
 Part = Note | np.ndarray
-"""A part of a layout in which two sweeps may differ."""
+"""Part of a layout in which two sweeps may differ: a setting, or an array of labels."""
 
 
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:

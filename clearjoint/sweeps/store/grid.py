@@ -1,9 +1,9 @@
 """Copy of a store's results along the axes (the grid), for programs that read Zarr.
 
 The folder `BY_LANE` of a store has the results by lane: lanes can be written one by one, and more
-lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. It
-is written when a store is made, about once a minute during the sweep, and when the sweep ends. It
-is only a copy: if writing it fails, no result is lost.
+lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. The
+grid is written when a store is made, about once a minute during the sweep, and when the sweep ends.
+Since the grid is only a copy, no result is lost if writing it fails.
 """
 
 import shutil
