@@ -1,5 +1,4 @@
-"""Test of a fit's covariance by runs around the estimates, and intervals by runs if it is not
-valid.
+"""Test of a fit's covariance by runs around the estimates, and intervals by runs if it fails.
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.

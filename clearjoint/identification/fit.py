@@ -88,11 +88,11 @@ class Fit(AbstractTabular):
     check: LikelihoodCheck | None = None
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "parameter".
+        """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
 
-        It has `estimate`, `standard_error` and the bounds of the 95 % `interval` in the `unit` of
-        each parameter, and the `correlation` along "with"; chi squared and the ending are
-        attributes. See `AbstractTabular`.
+        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval` (parameter,
+        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Chi squared
+        and the ending are attributes. See `AbstractTabular`.
         """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors
@@ -333,7 +333,8 @@ class Fit(AbstractTabular):
 
     @cached_property
     def _intervals_confirmed(self) -> bool:
-        """Whether intervals from runs around the estimates agree with those of the covariance."""
+        """Whether intervals from runs around the estimates agree with the intervals of the
+        covariance."""
         check = self.check
         if check is None or check.exploration is None:
             return check is None or check.passed

@@ -55,7 +55,7 @@ class LinearisedMisfit(Protocol):
 
     @property
     def jacobian(self) -> Float[np.ndarray, "M p"]:
-        """Derivatives of the residuals with respect to the coordinates, (M, p)."""
+        """Derivatives of the residuals by the coordinates, (M, p)."""
         ...
 
 
@@ -153,9 +153,10 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
-    """Return the length of the Gauss-Newton step in standard deviations of the estimates.
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
-    It is the norm of the residuals (M,), projected on the columns of the Jacobian (M, p).
+    The length is the norm of the projection of the residuals (M,) on the columns of the Jacobian
+    (M, p).
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
@@ -227,6 +228,9 @@ def search_with_damping(
         y, arrays = on_device(start * scales), None
         limits = on_device(step_limits * scales), on_device(tolerance)
         while True:
+            # optimistix gets the linear model at the latest point, even if it rejects that point:
+            # it reads the residuals there to decide, and keeps the model of the best point in its
+            # state.
             model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
             y, arrays, done, length = _advance(y, arrays, model, *limits)
             accepted = int(arrays.num_steps_since_acceptance) == 0
@@ -242,6 +246,8 @@ def search_with_damping(
             iterations.append(iteration)
             on_iteration(iteration)
             if bool(done):
+                # Rejected steps also end a search at a rough or imprecise chi squared, which is no
+                # convergence.
                 near = iteration.decrement < max(NEARLY, tolerance)
                 return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
             if len(iterations) == max_iterations:

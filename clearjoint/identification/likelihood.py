@@ -56,6 +56,8 @@ def displacements(
     each coordinate.
     """
     errors = np.sqrt(np.diag(covariance))
+    # Column k is the covariance with parameter k over its standard error: along it the other
+    # parameters minimise chi squared for a given value of parameter k.
     axes = [covariance / errors]
     if len(errors) > 1:
         variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))

@@ -81,5 +81,7 @@ def blocked(
     slope = np.cumsum((residuals * along).sum(axis=0))
     misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
     is_blocked = np.ones(count, bool)
+    # Scaled by the norms, the slope is the cosine of an angle: a path is flat by direction, not by
+    # size.
     is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
     return is_blocked

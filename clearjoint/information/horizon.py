@@ -1,9 +1,9 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. This makes parameters visible in data, but it also
-limits a fit. First, a wrong guess leads to another sequence of impacts, whose misfit leads to wrong
-parameters. Later, integration errors grow until the run differs from the true motion for its
-parameters.
+Small differences grow from impact to impact. This growth makes parameters visible in data, but it
+limits a fit in two ways. First, a wrong guess leads to another sequence of impacts, whose misfit
+leads to wrong parameters. Later, integration errors grow until the run differs from the true motion
+for its parameters.
 """
 
 import warnings
@@ -86,7 +86,7 @@ class FitHorizon:
     def single_shot(self) -> float:
         """End of the longest record, s, that a fit by a single run can use.
 
-        It is the smaller of `numerical` and `convergence`.
+        The smaller one of `numerical` and `convergence`; infinite if the whole record can be used.
         """
         return min(self.numerical, self.convergence)
 
@@ -135,9 +135,9 @@ class FitHorizon:
         return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
 
     def _deviations_by_length(self) -> list[str]:
-        """Return lines of a table of the parameters' standard deviations.
+        """Return the lines of a table of the parameters' standard deviations.
 
-        It has a row for the whole record, and a row for the record up to each limit that is
+        The table has a row for the whole record, and a row for the record up to each limit that is
         reached.
         """
         deviations = self.information.over_time()
@@ -205,6 +205,8 @@ def fit_horizon(
     errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
     times = true_run.times
     sizes = growth.sizes(true_run.derivatives, growth.points(scene))
+    # Differences grow exponentially only through impacts: the rate is fitted from the first contact
+    # on.
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
     onset = _first(times, touching)
     guesses = descent_paths.offsets(spread)
@@ -248,6 +250,7 @@ class _PerturbedRuns:
         (T, p + 1), with respect to the coordinates and, in the last column, to the perturbation of
         the initial velocity, per m/s.
         """
+        # Only the parameters' values change, which are arguments of the compiled program.
         values = zip(self.parameters.items(), coordinates, strict=True)
         perturbed = {
             name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))

@@ -68,6 +68,8 @@ class AbstractFamily(eqx.Module):
             )
 
         count = len(self.values)
+        # One column of the identity for each parameter: vmap computes the value once for all
+        # derivatives.
         value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
             jnp.eye(count), tangents
         )

@@ -1,6 +1,6 @@
 """Paths of numbers: find, list and replace the numbers of a scene or a state.
 
-A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. A path may return one
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 

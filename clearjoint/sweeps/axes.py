@@ -280,6 +280,7 @@ def _columns_by_functions(
             leaves, changed_structure = jax.tree.flatten(changed)
             pairs = zip(leaves, base, strict=False)
             require(
+                # All lanes run in one compiled program, which needs equal structure and shapes.
                 changed_structure == structure
                 and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
                 "axes",

@@ -104,8 +104,8 @@ class ImpactTable:
 
     For each contact, labelled "joint contact", the table has the first `count` impacts: onset,
     separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
-    penetration, m. It also has the number of impacts recorded; a contact with `count` recorded
-    impacts may have had more.
+    penetration, m. The number of recorded impacts of each contact is in the table too; a contact
+    with `count` recorded impacts may have had more.
 
     Quantiles of the recorded impacts are exact:
 

@@ -89,6 +89,7 @@ def common_values(
     }
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    # Numbers that lanes share may be folded into the program; varied ones must stay arguments.
     folded_scene = fold_constants(lanes.scene, lanes.varied)
     start = np.asarray(start_time, dtype=float)
     return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
@@ -107,6 +108,7 @@ def lane_tasks(
     """
     _, saved = _saved_output(outputs)
     count = len(jax.tree.leaves(lanes.states)[0])
+    # Scenes of single lanes are slow to make: only functions of the user need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     ends = _ends(end_time, scenes, count, start_time)
     first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)

@@ -212,6 +212,8 @@ class _Search:
         smallest, expected = self._value(low), "a value that satisfies the limits"
         remedy = f"{lanes.peak}; decrease it, or raise the limit"
         require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+        # The first row is coarse: just below its first violation another one may lie between two
+        # values.
         if lanes.gap() is not None:
             lanes = self._refined(lanes, below=True)
         lanes = self._inspected(lanes)

@@ -43,18 +43,20 @@ EIGHTH = 8
 
 @dataclass(frozen=True)
 class Screening:
-    """Starts found by screening a box around the guess.
+    """Starts of a fit, found by screening a box around the guess.
 
-    Every round runs a number of points without derivatives. It uses the part of the record at whose
-    end `keep` points still fit about as well as the best, and keeps these. The next round draws
-    points among them. Screening ends at the end of the record.
+    Every round runs a number of points, coordinates of the parameters, without derivatives. The
+    round uses the part of the record at whose end `keep` points still fit about as well as the
+    best, and keeps these points. The next round draws points among the kept ones. Screening ends at
+    the end of the record.
 
     **Arguments:**
 
     - `number`: number of new points in a round. The first round, which fills the box evenly, has
       four times as many. Use more for more than three or four parameters.
     - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
-      a factor of e in both directions): one number, or one for each parameter.
+      a factor of e in both directions): one number, or a dictionary by name of the parameter, in
+      which missing parameters have width 0.
     - `keep`: number of points that are kept in a round.
     - `finish`: number of starts among the points kept last: the best, and others far from it.
     - `smoothing`: number of times over which residuals are averaged, so that the misfit of
@@ -63,6 +65,9 @@ class Screening:
     - `passes`: maximum number of passes. Another pass, with other random numbers, follows while
       noise doesn't explain the chi squared of the best search.
     - `seed`: seed of the random numbers.
+
+    **Raises:** `ValueError` for numbers below 1, a `spread` that is not positive, and a `keep` that
+    doesn't fit `finish` and `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4

@@ -49,6 +49,7 @@ def checked_files() -> "type[LocalStore]":
             prototype: "BufferPrototype | None" = None,
             byte_range: "ByteRequest | None" = None,
         ) -> "Buffer | None":
+            # A part of a file can't be checked, because the checksum is that of the whole content.
             assert byte_range is None
             prototype = prototype or default_buffer_prototype()
             buffer = await super().get(key, prototype)

@@ -24,7 +24,7 @@ ROOT = "zarr.json"
 
 
 def unfinished(path: Path) -> Path:
-    """Return a new path in the same folder, for a store that is not yet complete."""
+    """Return a new path, beside the path of a store, for a store that is not yet complete."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
 
 
@@ -81,7 +81,8 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid in the store at a path has the same variables and finished lanes."""
+    """Return whether the grid in the store at a path has the variables and result codes of
+    `results`."""
     import xarray as xr
 
     try:

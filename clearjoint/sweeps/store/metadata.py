@@ -124,6 +124,7 @@ def contents_of(path: Path) -> Contents:
     axes = [_labels(path, group, name) for name in names]
     axes = [axis._replace(values=axis.values[row_of]) for axis in axes]
     if not stored["sweep_zipped"]:
+        # The store has each axis's value in every lane, in rows; `Layout` needs each value once.
         axes = [_along(axis, stored["sweep_shape"], dim) for dim, axis in enumerate(axes)]
     labels = {*names, *further, *digests.values(), stored["sweep_order"]}
     notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}

@@ -156,6 +156,8 @@ class _Traced:
             programs |= {variable_name(name, key): computed for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
+            # The times of a section's crossings depend on the crossing condition, so that every
+            # variable of the section includes it.
             crossing = () if section is None else (section.quantity(now), section.after)
             programs |= {variable_name(name, key): crossing for key in ("time", "count")}
             programs |= {
