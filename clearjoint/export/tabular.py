@@ -64,9 +64,10 @@ class AbstractTabular(abc.ABC):
 
 
 def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
-    """Write a dataset as `AbstractTabular.to_netcdf` does.
+    """Write a dataset to a netCDF file (classic format), with names escaped as in
+    `AbstractTabular.to_netcdf`.
 
-    **Raises:** `ValueError` for a variable without a name.
+    **Raises:** `ValueError` for a variable or dimension without a name.
     """
     escaped = {}
     for name in map(str, (*dataset.variables, *dataset.sizes)):

@@ -204,7 +204,7 @@ class Fit(AbstractTabular):
 
     @property
     def samples(self) -> int:
-        """Number of samples in all series."""
+        """Total number of samples of all series."""
         return sum(len(series) for series in self.measurements.series.values())
 
     @property
@@ -214,7 +214,7 @@ class Fit(AbstractTabular):
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number of samples minus number of parameters."""
+        """Number of samples less the number of parameters; the expected chi squared."""
         return self.samples - len(self.parameters)
 
     @property
@@ -350,7 +350,8 @@ class Fit(AbstractTabular):
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on a failed test of the covariance; an empty list if it passed."""
+        """Sentences on a failed test of the covariance; empty if the test passed or was not
+        made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _samples_past_horizon(self) -> list[str]:

@@ -70,7 +70,10 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared that noise explains; infinite without degrees of freedom."""
+    """Return the largest chi squared whose probability by noise alone is at least `UNLIKELY`.
+
+    Infinite without degrees of freedom.
+    """
     from scipy.special import chdtri
 
     return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf

@@ -120,7 +120,7 @@ class _ClippedDescent(optx.AbstractDescent):
         return self.descent.query(y, f_info, state)
 
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
-        """Return the clipped step of the inner descent."""
+        """Return the step of the inner descent, (p,), with each entry clipped to its limit."""
         step, result = self.descent.step(step_size, state)
         return jnp.clip(step, -self.limits, self.limits), result
 
@@ -145,7 +145,11 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[jax.Array, optx.RESULTS]:
-        """Return whether to end: a short Gauss-Newton step or last step, or no better point."""
+        """Return whether to end the search.
+
+        A search ends if the Gauss-Newton step or the last step is short, or after `PATIENCE`
+        rejected steps.
+        """
         near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
         short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
         stuck = state.num_steps_since_acceptance >= PATIENCE

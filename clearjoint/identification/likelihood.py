@@ -105,7 +105,11 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """Whether the rise disagrees with the model: too small by 1.5 or too large by 2, (n,)."""
+        """Whether the rise at each point disagrees with the model, (n,).
+
+        The rise is more than 1.5 times too small or more than 2 times too large, by more than
+        `FLOOR`.
+        """
         return _differing(self.predicted, self.actual)
 
     @property
@@ -155,7 +159,12 @@ def tested(
 
 @dataclass(frozen=True)
 class LocalMinimum:
-    """Minimum found by a local search: coordinates (p,), chi squared, and covariance (p, p)."""
+    """Minimum of chi squared found by a local search.
+
+    - `coordinates`: (p,) of the minimum.
+    - `chi_squared`: value at the minimum.
+    - `covariance`: (p, p) of the coordinates, from the derivatives at the minimum.
+    """
 
     coordinates: Float[np.ndarray, " p"]
     chi_squared: float

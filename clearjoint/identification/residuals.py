@@ -95,7 +95,10 @@ class Experiment(eqx.Module):
         )
 
     def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value, s, of a delay at coordinates (..., p)."""
+        """Return the value of a delay, s, (...), at coordinates (..., p).
+
+        `number`: index of the delay among the parameters.
+        """
         return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
 
 
@@ -396,7 +399,10 @@ class RunMisfit:
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
 ) -> RunMisfit:
-    """Return residuals and their Jacobian at coordinates (p,), from one run up to a time, s."""
+    """Run the scene once and return its residuals and their Jacobian.
+
+    **Arguments:** `end_time`: s, end of the run; `coordinates`: (p,) of the parameters.
+    """
     run = runs.run(coordinates, end_time)
     values, jacobian = _weighted(runs, run, data)
     return RunMisfit(

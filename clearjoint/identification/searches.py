@@ -39,7 +39,7 @@ class Search:
 
     @property
     def ending(self) -> Ending:
-        """Ending of the last window's search."""
+        """Reason why the search in the last window ended."""
         return self.windows[-1].ending
 
     @property
@@ -49,5 +49,5 @@ class Search:
 
 
 def best_search(searches: Iterable[Search]) -> Search:
-    """Return the search with the smallest chi squared; the first of equal ones."""
+    """Return the search with the smallest chi squared; of equal ones, the first."""
     return min(searches, key=lambda search: search.best.chi_squared)

@@ -125,7 +125,7 @@ class Identifiability:
 
     @property
     def labels(self) -> list[str]:
-        """Labels of the parameters' coordinates, such as "log K"."""
+        """Label of each parameter's coordinate as text, such as "log K"."""
         return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
@@ -195,7 +195,10 @@ class Identifiability:
         return information.together(roots, self.accuracy)
 
     def _rows(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N p"]]:
-        """Return times (N,) and rows (N, p) of all samples in the order of time."""
+        """Return the times (N,), s, of all samples of all channels, and their derivatives (N, p).
+
+        Both are in the order of time. Derivatives are in units of the noise.
+        """
         records, p = self.records.values(), len(self.names)
         times = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
         rows = np.concatenate([r.rows.reshape(-1, p) for r in records])

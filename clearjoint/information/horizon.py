@@ -79,7 +79,10 @@ class FitHorizon:
 
     @property
     def convergence(self) -> float:
-        """End of the shortest record, s, for which a fit from one of the guesses may fail."""
+        """End of the shortest record, s, for which a fit from one of the guesses may fail.
+
+        Infinite if fits from all guesses converge for every record.
+        """
         return min(guess.since for guess in self.guesses)
 
     @property

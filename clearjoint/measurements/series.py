@@ -237,8 +237,7 @@ class Measurements(AbstractReadable):
         shared = all(np.array_equal(first, times) for times in others)
         variables, coordinates = {}, {}
         for name, series in self.series.items():
-            # A common dimension lets readers compare series; otherwise xarray would align them on
-            # all times.
+            # A dimension has one row of times: series with other times need their own.
             dimension, noise = "time" if shared else f"{name}_time", f"{name}_noise"
             attributes = {"units": series.unit, "ancillary_variables": noise}
             deviation = {"units": series.unit, "long_name": "one standard deviation"}

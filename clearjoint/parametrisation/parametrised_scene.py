@@ -101,7 +101,7 @@ class ParametrisedScene(AbstractFamily):
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
         """Return scene and initial state at coordinates (p,).
 
-        They are packed: vectors are arrays (3,), not three scalars.
+        Their vectors are arrays (3,), not three separate scalars.
         """
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):

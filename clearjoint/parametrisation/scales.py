@@ -133,7 +133,7 @@ class Log(AbstractScale):
         return math.log(number)
 
     def label(self, name: str) -> str:
-        """Return "log" and the name."""
+        """Return "log" and the name, such as "log stiffness"."""
         return f"log {name}"
 
 
@@ -182,7 +182,7 @@ class Bounded(AbstractScale):
         return math.pi / math.sqrt(3.0)
 
     def label(self, name: str) -> str:
-        """Return "logit" and the name."""
+        """Return "logit" and the name, such as "logit friction"."""
         return f"logit {name}"
 
 

@@ -30,7 +30,7 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function: the path of a number, or the function that makes the scene."""
+        """The user's function: the path of a number, or the function that makes scene and state."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -69,7 +69,7 @@ class AbstractNumber(AbstractVariation):
 
     @property
     def function(self) -> NumberPath:
-        """The path of the number."""
+        """The user's path of the number."""
         return self.path
 
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -171,7 +171,7 @@ class SeriesDelay(AbstractVariation):
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """Return the scene and the state unchanged."""
+    """Return the pair (scene, state) unchanged; `value` has no effect."""
     del value
     return scene, state
 

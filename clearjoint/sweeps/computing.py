@@ -156,7 +156,8 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write ended lanes of incomplete chunks if they fill a chunk or `WRITE_PERIOD` is over."""
+        """Write ended lanes of incomplete chunks if they fill a chunk or wait for `WRITE_PERIOD`
+        seconds."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # Each write replaces whole chunks, which is slow on a slow disk: the time since the last

@@ -101,10 +101,10 @@ QUEUED = 2
 
 
 class AbstractSubmitter(Protocol):
-    """A `concurrent.futures.Executor` or a `dask.distributed.Client`."""
+    """Interface of executors: a `concurrent.futures.Executor` or a `dask.distributed.Client`."""
 
     def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
-        """Call a function on a worker, and return a future of its result."""
+        """Call `function(*arguments)` on a worker, and return a future of its result."""
         ...
 
 

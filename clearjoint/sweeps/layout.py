@@ -67,7 +67,7 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """Value of entries that have not been computed."""
+        """Value of entries that have not been computed: NaN, -1 or false, by type."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
@@ -170,7 +170,7 @@ class Layout:
 
     @property
     def chunks(self) -> int:
-        """Number of chunks; the last chunk may be shorter."""
+        """Number of chunks in the sweep."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:

@@ -108,7 +108,7 @@ def lane_tasks(
     """
     _, saved = _saved_output(outputs)
     count = len(jax.tree.leaves(lanes.states)[0])
-    # Scenes of single lanes are slow to make: only functions of the user need them.
+    # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     ends = _ends(end_time, scenes, count, start_time)
     first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
@@ -123,6 +123,8 @@ def _ends(
     start_time: float,
 ) -> np.ndarray:
     """Return the end time of each lane, (lanes,) s.
+
+    `scenes`: scene of each lane, for an `end_time` that is a function; else they are not used.
 
     **Raises:** `ValueError` for ends that are not finite or not after the start.
     """

@@ -115,7 +115,8 @@ class LaneProblem:
     progress: bool
 
     def margins(self, coordinates: Float[np.ndarray, " n"]) -> LaneMargins:
-        """Compute the margins at rising coordinates (n,) by one sweep."""
+        """Compute the margins at rising coordinates (n,) of the parameter, with all draws, by
+        one sweep."""
         values = np.array([float(self.parameter.scale.value(u)) for u in coordinates])
         count = len(next(iter(self.draws.values())).values) if self.draws else 1
         axes = {VALUE: Axis(self.parameter.variation, np.repeat(values, count))}
@@ -143,7 +144,8 @@ class LaneProblem:
         return LaneMargins(coordinates, margins, low, high, peak)
 
     def _peak(self, margins: Mapping[str, float]) -> str:
-        """Return a text on the output with the smallest of the margins."""
+        """Return text on the output with the smallest of the given margins, by name, and its
+        limit."""
         name = min(margins, key=lambda name: margins[name])
         if not np.isfinite(margins[name]):
             return "the run with this value fails"

@@ -47,7 +47,10 @@ def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, "
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
-    """Return the `keep`-th smallest value along the first axis minus the smallest."""
+    """Return the `keep`-th smallest value over the n points less the smallest value.
+
+    `values`: (n, ...), of which the first axis is reduced.
+    """
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 

@@ -44,7 +44,7 @@ class SideBySide:
 
     @property
     def count(self) -> int:
-        """Number of times without padding."""
+        """Number of times T without the padding."""
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
@@ -148,14 +148,21 @@ class SideBySide:
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return the varied leaves of the scenes, and the initial states, (n, ...) each."""
+    """Return the varied leaves of n scenes, and n initial states, at coordinates (n, p).
+
+    Each leaf is an array (n, ...). `varied`: PyTree like the scene, true for leaves to return.
+    """
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared (n, T) up to each time, for predictions (n, S, T)."""
+    """Return chi squared of n runs, cumulated up to each time, (n, T).
+
+    **Arguments:** `predicted`: (n, S, T) outputs, SI; `smoothing`: number of times over which
+    residuals are averaged.
+    """
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)

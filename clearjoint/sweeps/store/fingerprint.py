@@ -77,7 +77,10 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Compute digests of a program's results from the digests of its constants and inputs."""
+    """Compute the digests of a program's results, in their order.
+
+    **Arguments:** `constants`, `inputs`: digests of the program's constants and inputs.
+    """
     known = dict(zip(jaxpr.invars, inputs, strict=True))
     known |= zip(jaxpr.constvars, constants, strict=True)
 
@@ -167,7 +170,7 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 def digest(*parts: str | bytes) -> str:
-    """Compute the digest of a sequence of parts, as a text of `DIGITS` characters."""
+    """Compute the digest of a sequence of texts or bytes, as a text of `DIGITS` characters."""
     state = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

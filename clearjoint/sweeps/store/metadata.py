@@ -102,7 +102,8 @@ def _move(file: Path, to: Path) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove files of killed processes that were making or extending the store at a path."""
+    """Remove incomplete stores of killed processes that were making or extending the store at a
+    path."""
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:

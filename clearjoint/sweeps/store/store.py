@@ -56,7 +56,7 @@ class SweepMemory:
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Store results of some lanes; the arguments are those of `SweepStore.write`."""
+        """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
@@ -65,7 +65,7 @@ class SweepMemory:
         """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """Return all results with labels; lanes that are not done have the `result` -1."""
+        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
         return dataset(self.layout, self._arrays)
 
 
@@ -212,7 +212,7 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return all results with labels; lanes that are not done have the `result` -1."""
+        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
         return _labelled(self.path, self._contents)
 
 
