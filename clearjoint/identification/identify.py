@@ -99,7 +99,7 @@ def identify(
       don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
       them, and `Fit.rivals` has other minima that fit the data about as well.
     - `grow`: ends, s, of windows of the record that are fitted before the whole record: first the
-      samples up to the first end, then those up to the next, each fit from the result of the last.
+      samples up to the first end, then up to the next, each fit from the result of the one before.
       After some impacts small errors of parameters have grown so much that a fit of the whole
       record from a distant start fails. In these windows each parameter is held near its value at
       the window's start, with its scale's `max_step` as standard deviation, so that parameters that
@@ -109,7 +109,8 @@ def identify(
     - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
       `max_steps` limits the cost of runs with extreme parameters.
     - `max_iterations`: limit for each window of each start; an iteration is one run.
-    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
+    - `tolerance`: length of the Gauss-Newton step, in standard deviations of the estimates, below
+      which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
     - `check_runs`: size of the test of the covariance after the search has converged; 0 for no
@@ -119,7 +120,10 @@ def identify(
       more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
       the lowest minimum, its intervals contain all points that the data allow, and its report
       begins with this result. See `Fit.check`.
-    - `progress`: whether to show a line with the iterations, or a function of each `Iteration`.
+    - `progress`: whether to show a line with the iterations, or a function that is called with
+      each `Iteration`.
+
+    **Returns:** a `Fit`, with the estimates, their uncertainty and tests of the residuals.
 
     **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
     the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and

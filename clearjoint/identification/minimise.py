@@ -78,6 +78,8 @@ def minimise(
     - `optimiser`: an optax optimiser of the coordinates; by default `optax.adam(0.05)`.
     - `iterations`: number of runs. The search ends earlier if a run does not reach all times.
 
+    **Returns:** a `Minimum`, for the run with the smallest objective.
+
     **Raises:** `ValueError` for unsupported arguments, and if the first run fails.
 
     >>> def squares(outputs):

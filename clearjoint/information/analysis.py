@@ -271,6 +271,8 @@ def identifiability(
       whose values are not used.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
 
+    **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
+
     **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)

@@ -180,6 +180,8 @@ def fit_horizon(
     - `uncertainty`: largest error of a first guess by parameter, in the scale's coordinate: log(5)
       for a factor of five on a `Log` scale.
 
+    **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
+
     **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run with the
     parameters' values fails.
 

@@ -174,7 +174,10 @@ def function_from_csv(
     - `time`, `time_unit`: the column of times, and its unit if the header has none.
     - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
-    **Raises:** `ValueError` as `read_csv` does.
+    **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
+
+    **Raises:** `ValueError` for a missing or repeated column, values that are not finite numbers,
+    times that don't rise, and a unit of another dimension.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
