@@ -145,7 +145,10 @@ class ParametrisedScene(AbstractFamily):
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """Return a scene and its initial state as functions of parameters, at coordinates (p,)."""
+    """Return a scene and its initial state as functions of p parameters.
+
+    `values`: (p,) coordinates at which derivatives are computed.
+    """
     scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
