@@ -103,8 +103,8 @@ def identify(
       After some impacts small errors of parameters have grown so much that a fit of the whole
       record from a distant start fails. In these windows each parameter is held near the value
       from which the window's search starts, with its scale's `max_step` as standard deviation, so
-      that parameters that the window doesn't determine stay in range. For example, a record of 187 ms of the double
-      pendulum, five times as long as a single run can fit from a distant guess
+      that parameters that the window doesn't determine stay in range. For example, a record of
+      187 ms of the double pendulum, five times as long as a single run can fit from a distant guess
       (`clearjoint.fit_horizon`), takes 140 runs with windows.
     - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
       `max_steps` limits the cost of runs with extreme parameters.
