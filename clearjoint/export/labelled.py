@@ -1,4 +1,4 @@
-"""Datasets that follow the CF conventions, with units, descriptions, versions and settings."""
+"""Datasets by the CF conventions: arrays with units and descriptions, versions and settings."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,7 +16,14 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """An array with names of its dimensions, unit (``None`` if unknown) and description."""
+    """An array with its labels for a dataset.
+
+    - `dims`: names of the dimensions.
+    - `values`: the array.
+    - `unit`: unit as text; ``None`` if unknown.
+    - `description`: text for the attribute "long_name".
+    - `attributes`: further attributes by name.
+    """
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -31,9 +38,10 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """Return a dataset of labelled arrays.
+    """Return a dataset of labelled arrays, with the versions of the programs as an attribute.
 
-    **Arguments:** `notes`: settings and numbers for a reader.
+    **Arguments:** `title`: attribute "title"; `variables`, `coordinates`: arrays by name; `notes`:
+    settings and numbers for readers, which become attributes.
     """
     import xarray as xr
 
@@ -48,7 +56,7 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts, which may be empty."""
+    """Return labels as an array of texts of the same shape, which may be empty."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 

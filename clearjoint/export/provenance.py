@@ -1,4 +1,4 @@
-"""Provenance of numbers: descriptions of settings and versions as texts for a reader."""
+"""Provenance of numbers: settings and versions as texts for readers."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -11,11 +11,14 @@ import numpy as np
 LONGEST = 200
 _VERSIONED = ("clearjoint", "jax", "diffrax")
 Notes = tuple[tuple[str, str | int | float], ...]
-"""Texts and numbers by name, as attributes of a netCDF file."""
+"""Pairs (name, text or number) that become attributes of a netCDF file."""
 
 
 def describe(value: object) -> str:
-    """Return a text with the names of classes and functions and their numbers."""
+    """Return a value as text: classes and functions by their names, with the numbers they contain.
+
+    Arrays are cut off after `LONGEST` characters.
+    """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
     if isinstance(value, np.ndarray | jax.Array | np.generic):
@@ -34,12 +37,13 @@ def describe(value: object) -> str:
 
 
 def described(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the description of each value, by name."""
+    """Return the text of each value, from `describe`, by name."""
     return {name: describe(value) for name, value in values.items()}
 
 
 def setting_notes(values: object) -> Notes:
-    """Return the fields of a dataclass as "setting_<name>": numbers, and texts of other values."""
+    """Return pairs ("setting_<field>", value) for a dataclass; values other than numbers as
+    texts."""
     by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
     return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
 
@@ -51,5 +55,5 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of clearjoint, JAX and diffrax."""
+    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>"."""
     return {f"version of {name}": version(name) for name in _VERSIONED}

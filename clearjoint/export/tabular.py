@@ -1,4 +1,4 @@
-"""Export of results: data frames, CSV and netCDF files, from datasets with units."""
+"""Export of results as data frames, CSV and netCDF files, from datasets with units."""
 
 import abc
 import itertools
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
-"""Dimensions whose labels precede the variable's name, as "arm" in "arm.position.x"."""
+"""Dimensions whose labels precede the variable's name in a column: "arm" in "arm.position.x"."""
 
 
 class AbstractTabular(abc.ABC):
@@ -37,7 +37,7 @@ class AbstractTabular(abc.ABC):
         """
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """Return a `pandas.DataFrame` with a row for each time (impact, crossing, parameter).
+        """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
 
         Each number has a column, whose name has the unit, such as "arm.position.x [m]".
         """
@@ -48,7 +48,7 @@ class AbstractTabular(abc.ABC):
 
         Units are in the header, and numbers are written without loss.
 
-        **Arguments:** `path`: overwritten if it exists.
+        **Arguments:** `path`: file, which is overwritten if it exists.
         """
         self.to_dataframe().to_csv(path)
 
@@ -56,17 +56,18 @@ class AbstractTabular(abc.ABC):
         """Write `to_xarray` to a netCDF file (classic format, 64-bit offsets), without loss.
 
         The writer of this format supports only Latin-1. Other characters in names of variables are
-        escaped ("\\u8f74"), and the attribute "original_name" has the name.
+        escaped ("\\u8f74"), and the attribute "original_name" has the unescaped name.
 
-        **Arguments:** `path`: overwritten if it exists.
+        **Arguments:** `path`: file, which is overwritten if it exists.
         """
         write_netcdf(self.to_xarray(), path)
 
 
 def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
-    """Write a dataset as `AbstractTabular.to_netcdf` does.
+    """Write a dataset to a netCDF file (classic format), with names escaped as in
+    `AbstractTabular.to_netcdf`.
 
-    **Raises:** `ValueError` for a variable without a name.
+    **Raises:** `ValueError` for a variable or dimension without a name.
     """
     escaped = {}
     for name in map(str, (*dataset.variables, *dataset.sizes)):
@@ -81,17 +82,20 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
 
 def header(name: str, attributes: dict) -> str:
-    """Return a column's name with the unit in its attributes: "pin.penetration [m]"."""
+    """Return the name of a column with its unit, such as "pin.penetration [m]".
+
+    **Arguments:** `attributes`: those of the variable; "units" is its unit.
+    """
     return f"{name} [{attributes['units']}]" if attributes.get("units") else name
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each position along a dimension.
+    """Return a data frame with a row for each position along one dimension of a dataset.
 
     Variables and coordinates without that dimension are left out. Codes with flags are replaced by
     their meanings.
 
-    **Arguments:** `rows`: the dimension; by default the dataset's first.
+    **Arguments:** `rows`: name of the dimension; by default the dataset's first.
     """
     import pandas as pd
 
@@ -108,7 +112,8 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    """Return the columns of a variable, one for each combination of its other labels."""
+    """Return the columns of a variable, (rows,) each, one for each combination of its other
+    labels."""
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
     attributes = array.attrs

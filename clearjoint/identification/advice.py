@@ -18,13 +18,13 @@ from .searches import Search
 FAR = 2.0
 """Ratio of residuals to stated noise above which a fit is far above the noise."""
 GOOD = 1.5
-"""Ratio of residuals to stated noise up to which a series is well fitted."""
+"""Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
 """Number of pieces of the record, to find the piece where the run departs from the data."""
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
 FEW = 0.02
-"""Share of the samples that may be outliers."""
+"""Share of the samples that may be outliers: the largest residuals are summed over this share."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals are not white."""
 
@@ -33,8 +33,11 @@ UNCORRELATED = 1e-3
 class Evidence:
     """Results of a fit from which advice follows.
 
-    - `predictions`, `residuals`: (N,) of each series, by name; residuals in standard deviations.
-    - `scatter`: root mean square of the residuals over the stated noise.
+    - `measurements`, `parameters`, `searches`, `best`, `horizon`: as in `Fit`.
+    - `predictions`: (N,) predicted values of each series by name, SI.
+    - `residuals`: (N,) of each series by name, in standard deviations.
+    - `scatter`: square root of chi squared per degree of freedom; 1 for the stated noise.
+    - `screened`: whether a screening found the starts.
     """
 
     measurements: Measurements

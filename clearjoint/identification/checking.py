@@ -1,10 +1,10 @@
-"""Test of a fit's covariance by runs around the estimates, and intervals by runs where it fails.
+"""Test of a fit's covariance by runs around the estimates, and intervals by runs if it fails.
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
-Therefore about ten runs for each parameter compare chi squared with the prediction of the
-covariance. Where they differ, many runs without derivatives, and local searches from the lowest of
-them, explore the neighbourhood (`clearjoint.identification.likelihood`).
+Therefore about twenty runs for each parameter compare chi squared with the prediction of the
+covariance. If they differ, many runs without derivatives, and local searches from the points with
+the lowest chi squared, explore the neighbourhood (`clearjoint.identification.likelihood`).
 """
 
 import math
@@ -72,14 +72,17 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """Time, s, from which on chi squared disagrees with the covariance; or infinity."""
+        """Time, s, from which on chi squared disagrees with the covariance; infinite without
+        disagreement."""
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest ratio between intervals of the exploration and of the covariance.
+        """Return how much the intervals of the exploration differ from those of the covariance.
 
-        Lower and upper halves of the intervals of all parameters are compared; ratios below 1 are
-        inverted. `best` is the best run of the fit.
+        The result is the largest ratio of their half widths, over both halves of the intervals of
+        all parameters; ratios below 1 are inverted.
+
+        **Arguments:** `best`: the best run of the fit.
         """
         assert self.exploration is not None
         half = math.sqrt(likelihood.RISE) * np.sqrt(
@@ -92,7 +95,7 @@ class LikelihoodCheck:
 
     @cached_property
     def minima(self) -> int:
-        """Number of minima whose chi squared is at most 3.84 above the lowest."""
+        """Number of separate minima whose chi squared is at most 3.84 above the lowest."""
         if self.exploration is None:
             return 1
         limit = self.exploration.lowest + likelihood.RISE
@@ -112,12 +115,16 @@ def check(
     number: int,
     on_iteration: Callable[[Iteration], None],
 ) -> LikelihoodCheck:
-    """Test the covariance at the best run of a fit.
+    """Test the covariance of a fit by runs around its best run, and explore chi squared if it
+    fails.
 
     **Arguments:**
 
+    - `best`: the best run of the fit.
+    - `runs`, `data`: the simulations of the experiment, and the samples.
+    - `parameters`: the p parameters by name, in the order of the coordinates.
     - `number`: number of points in the first round of an exploration.
-    - `on_iteration`: called with the runs of local searches.
+    - `on_iteration`: function that is called with every iteration of the local searches.
     """
     started = time.perf_counter()
     generator = np.random.default_rng(0)
@@ -187,10 +194,11 @@ def check(
 def _largest_offsets(
     best: RunMisfit, parameters: Mapping[str, Parameter]
 ) -> Float[np.ndarray, " p"]:
-    """Return the largest distance (p,) of points from the estimates in each coordinate.
+    """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
-    It is twice the scale's `max_step`. If that is infinite, it is the larger of the estimate itself
-    and of `FARTHEST` standard deviations for known other parameters.
+    The distance is twice the scale's `max_step`. If that is infinite, it is the larger of the
+    coordinate's absolute value and `FARTHEST` standard deviations of an estimate of that parameter
+    alone.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)
@@ -207,9 +215,10 @@ def _minimum(run: RunMisfit) -> likelihood.LocalMinimum:
 def _early_covariances(
     runs: Experiment, jacobian: Float[np.ndarray, "S T p"], horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return covariances for the data up to the horizon, s, and up to half of it.
+    """Return two covariances of the coordinates, (p, p): for samples up to `horizon`, s, and up to
+    half of it.
 
-    The list is empty if the horizon is infinite.
+    The list is empty if the horizon is infinite. `jacobian` has the derivatives of the residuals.
     """
     start, times = float(runs.start_time), np.asarray(runs.times)[: jacobian.shape[1]]
     covariances = []

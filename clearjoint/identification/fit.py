@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 AT_BOUND = 1e-3
 """Distance from a bound, relative to the range, below which an estimate is at the bound."""
 ALIKE = 1.3
-"""Ratio of interval widths up to which two intervals agree."""
+"""Ratio of the widths of two intervals up to which the report says that they agree."""
 SHOWN = 3
-"""Number of other minima in the report."""
+"""Largest number of other minima that the warnings describe."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,17 @@ class Fit(AbstractTabular):
     """Result of a fit: estimates, their uncertainty, and tests of the residuals.
 
     - `scene`, `state`: scene and initial state with the estimated values.
-    - `parameters`, `units`: by name, in the order of all arrays.
+    - `parameters`: `Parameter` by name, whose order is that of the p entries of all arrays.
+    - `units`: unit of each parameter's value by name.
     - `measurements`: the fitted measurements.
-    - `searches`: one search from each start; `best`: the search with the smallest chi squared,
-      including the searches of `check`.
-    - `screened`: the starts that each pass of a `Screening` found.
-    - `horizon`: the given horizon, or ``None``.
+    - `searches`: one search from each start.
+    - `best`: the search with the smallest chi squared, among `searches` and those of `check`.
+    - `screened`: the result of each pass of a `Screening`; empty without a screening.
+    - `horizon`: the `FitHorizon` given to `identify`, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None``.
 
+    Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
+    A coordinate is a parameter's value on its scale, such as the logarithm of the value.
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export estimates, errors and correlations.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
@@ -85,11 +88,11 @@ class Fit(AbstractTabular):
     check: LikelihoodCheck | None = None
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` along "parameter".
+        """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
 
-        It has `estimate`, `standard_error` and the bounds of the 95 % `interval` in the `unit` of
-        each parameter, and the `correlation` along "with"; chi squared and the ending are
-        attributes. See `AbstractTabular`.
+        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval` (parameter,
+        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Chi squared
+        and the ending are attributes. See `AbstractTabular`.
         """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors
@@ -116,49 +119,50 @@ class Fit(AbstractTabular):
 
     @property
     def ending(self) -> Ending:
-        """Reason why the search ended; its value is a text."""
+        """Reason why the best search ended; ``ending.value`` is a text."""
         return self.best.ending
 
     @property
     def coordinates(self) -> Float[np.ndarray, " p"]:
-        """Coordinates (p,) of the estimates."""
+        """Coordinates of the estimates on the parameters' scales, (p,)."""
         return self.best.best.coordinates
 
     @property
     def estimates(self) -> dict[str, float]:
-        """Values of the parameters."""
+        """Estimated value of each parameter by name, in `units`."""
         return self._values(self.coordinates)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance (p, p) of the coordinates, for the stated noise."""
+        """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements."""
         return statistics.parameter_covariance(self.best.best.jacobian)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance (p, p) of the values, by linearisation of the scales."""
+        """Covariance of the values, (p, p), in products of `units`, by linearisation of the
+        scales."""
         scales = [parameter.scale for parameter in self.parameters.values()]
         slopes = [float(s.slope(u)) for s, u in zip(scales, self.coordinates, strict=True)]
         return self.covariance * np.outer(slopes, slopes)
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
-        """Correlation (p, p) of the coordinates."""
+        """Correlation of the estimated coordinates, (p, p)."""
         return information.correlation(self.covariance)
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard deviation of each value."""
+        """Standard deviation of each estimated value by name, in `units`."""
         deviations = np.sqrt(np.diag(self.value_covariance))
         return dict(zip(self.parameters, deviations.tolist(), strict=True))
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % confidence interval of each value, within the bounds of its scale.
+        """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        It includes other minima in which searches ended, if their chi squared is low enough. If
-        `check` has explored chi squared, it includes all points with a chi squared at most 3.84
-        above the lowest.
+        An interval also contains other minima in which searches ended, if their chi squared is low
+        enough. If `check` has explored chi squared, the interval contains all explored points with
+        a chi squared at most 3.84 above the lowest.
         """
         ends = statistics.intervals(self.best.best, self._other_minima)
         if self.check is not None and self.check.exploration is not None:
@@ -169,59 +173,64 @@ class Fit(AbstractTabular):
 
     @property
     def rivals(self) -> list[dict[str, float]]:
-        """Values of the parameters at other minima that fit the data about as well.
+        """Values of the parameters, by name, at each other minimum that fits the data about as
+        well.
 
-        These minima lie outside the intervals of the best one; the smallest chi squared is first.
+        These minima lie outside the confidence intervals of the best one. The list begins with the
+        smallest chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [self._values(minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Values of the fitted run at the times of each series, (N,), SI."""
+        """Predicted values of each series by name at its sample times, (N,), SI, from the fitted
+        run."""
         times = self.measurements.times()
         rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
         return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """(Prediction - value) / noise of each series, (N,)."""
+        """Residuals of each series by name, (N,): (prediction - value) / noise."""
         series = self.measurements.series
         return {n: np.asarray(series[n].residuals(row)) for n, row in self.predictions.items()}
 
     @property
     def rms(self) -> dict[str, float]:
-        """Root mean square of each series' residuals; 1 is expected for the stated noise."""
+        """Root mean square of each series' residuals by name; 1 is expected for the stated
+        noise."""
         return {n: math.sqrt(float(np.mean(row**2))) for n, row in self.residuals.items()}
 
     @property
     def samples(self) -> int:
-        """Number of samples in all series."""
+        """Total number of samples of all series."""
         return sum(len(series) for series in self.measurements.series.values())
 
     @property
     def chi_squared(self) -> float:
-        """Sum of the squared residuals."""
+        """Sum of the squared residuals of all series."""
         return self.best.best.chi_squared
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number of samples minus number of parameters."""
+        """Number of samples less the number of parameters; the expected chi squared."""
         return self.samples - len(self.parameters)
 
     @property
     def p_value(self) -> float:
-        """Probability of a chi squared at least as large, if noise and model are right."""
+        """Probability that noise alone gives a chi squared at least as large, if the model is
+        right."""
         return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
     def whiteness(self) -> dict[str, float]:
-        """p-value of the Ljung-Box test for white residuals, for each series."""
+        """p-value of the Ljung-Box test for white residuals, of each series by name."""
         return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
 
     @property
     def normality(self) -> dict[str, float]:
-        """p-value of the D'Agostino-Pearson test for normal residuals, for each series."""
+        """p-value of the D'Agostino-Pearson test for normal residuals, of each series by name."""
         return {name: statistics.normality(row) for name, row in self.residuals.items()}
 
     @property
@@ -238,7 +247,8 @@ class Fit(AbstractTabular):
 
     @cached_property
     def advice(self) -> list[str]:
-        """Sentences on remedies, in order, if the residuals are far above the noise; else empty."""
+        """Sentences on remedies, the first to try first, if the residuals are far above the noise
+        or the best run fails; otherwise an empty list."""
         return Evidence(
             self.measurements,
             self.parameters,
@@ -252,7 +262,8 @@ class Fit(AbstractTabular):
         ).advice()
 
     def __str__(self) -> str:
-        """Report: estimates, goodness of fit, series, correlations, warnings and advice."""
+        """Return the report: estimates, goodness of fit, series, correlations, warnings and
+        advice."""
         first = [] if self.check is None else [self._test_report()]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
@@ -276,7 +287,7 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Return sentences on the result of the runs around the estimates."""
+        """Return sentences on the test of the covariance by runs around the estimates."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
@@ -322,7 +333,8 @@ class Fit(AbstractTabular):
 
     @cached_property
     def _intervals_confirmed(self) -> bool:
-        """Whether runs around the estimates lead to intervals like those of the covariance."""
+        """Whether intervals from runs around the estimates agree with the intervals of the
+        covariance."""
         check = self.check
         if check is None or check.exploration is None:
             return check is None or check.passed
@@ -332,13 +344,14 @@ class Fit(AbstractTabular):
 
     @property
     def _moved(self) -> float:
-        """Decrease of chi squared by the exploration."""
+        """Chi squared at the end of the search less that of `best`, which the exploration found."""
         assert self.check is not None and self.check.exploration is not None
         return float(self.check.exploration.chi_squared[0]) - self.chi_squared
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on a failed test of the covariance; an empty list if it passed."""
+        """Sentences on a failed test of the covariance; empty if the test passed or was not
+        made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _samples_past_horizon(self) -> list[str]:
@@ -397,9 +410,10 @@ class Fit(AbstractTabular):
         return warnings
 
     def _uncertain_directions(self) -> Sequence[str]:
-        """Return a warning for each combination of parameters with a large uncertainty.
+        """Return a warning for each combination of parameters that the data hardly determine.
 
-        One standard deviation along it changes a coordinate by more than one step of a fit may.
+        A change along the combination by one standard deviation exceeds the largest change that one
+        step of a fit may make to a coordinate.
         """
         warnings = []
         sizes = [
@@ -437,6 +451,9 @@ class Fit(AbstractTabular):
 def combination(
     change: Float[np.ndarray, " p"], names: Sequence[str] | dict[str, Parameter]
 ) -> str:
-    """Return a combination of parameters as text, without those with a factor below 1e-3."""
+    """Return a weighted sum of parameters as text, such as "+1 k -0.5 c".
+
+    **Arguments:** `change`: (p,) weights, of which those up to 1e-3 are left out; `names`: p names.
+    """
     pairs = zip(change, names, strict=True)
     return " ".join(f"{part:+.3g} {name}" for part, name in pairs if abs(part) > 1e-3)

@@ -24,9 +24,9 @@ DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 
 
 class Direction(NamedTuple):
-    """A combination of parameters.
+    """A combination of p parameters, and its uncertainty.
 
-    - `change`: (p,) change of the coordinates along it, the largest is 1.
+    - `change`: (p,) change of the coordinates along the combination; the largest entry is 1.
     - `deviation`: standard deviation of the factor of `change`.
     """
 
@@ -35,9 +35,9 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Return combinations of parameters, the most uncertain first.
+    """Return the p independent combinations of the parameters, the most uncertain first.
 
-    `jacobian` (M, p) is the derivative of residuals in standard deviations.
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
@@ -52,30 +52,35 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
 
 def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of the coordinates.
+    """Return the covariance (p, p) of the estimated coordinates.
 
-    `jacobian` (M, p) is the derivative of residuals in standard deviations. Variances of
-    undetermined directions are large but finite.
+    Variances of undetermined directions are large but finite.
+
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
     return information.covariance(jacobian, SINGULAR)
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
-    """Return the p-value of chi squared; NaN without degrees of freedom."""
+    """Return the probability of a larger chi squared by noise alone; NaN without degrees of
+    freedom."""
     from scipy.special import chdtrc
 
     return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared that noise explains; infinite without degrees of freedom."""
+    """Return the largest chi squared whose probability by noise alone is at least `UNLIKELY`.
+
+    Infinite without degrees of freedom.
+    """
     from scipy.special import chdtri
 
     return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the Ljung-Box test for whiteness; NaN for fewer than 20 residuals.
+    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,); NaN for M < 20.
 
     G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
     """
@@ -92,9 +97,10 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of a test for normality by skewness and kurtosis; NaN below 20 residuals.
+    """Return the p-value of a test for normality of residuals (M,); NaN for M < 20.
 
-    R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
+    The test uses skewness and kurtosis: R. D'Agostino and E. Pearson, *Tests for departure from
+    normality* (1973).
     """
     from scipy.stats import normaltest
 
@@ -106,11 +112,13 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 def intervals(
     best: RunMisfit, others: Sequence[RunMisfit]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Return lower and upper ends (p,) of the coordinates' confidence intervals.
+    """Return lower and upper ends of the coordinates' 95 % confidence intervals, (p,) each.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters, exceeds that of the best minimum by no more than normal noise allows. Each minimum
     contributes an interval around itself, which is narrower for a larger chi squared.
+
+    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
     """
     lows, highs = [], []
     for one in (best, *others):
@@ -127,6 +135,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 
     Late in a record a small change of parameters moves impacts, so that chi squared has many
     minima close together, and noise decides which is the lowest.
+
+    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
     """
     from scipy.special import chdtri
 

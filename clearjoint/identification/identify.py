@@ -37,16 +37,18 @@ from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
 OnFitIteration = Callable[[int, Iteration], None]
-"""A function of the number of samples in the fit and of an iteration."""
+"""Function of the number of samples in the fit and of an `Iteration`, called after each
+iteration."""
 WINDOW_TOLERANCE = 0.1
-"""Tolerance, in standard deviations, of the fits of all windows except the last."""
+"""Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
+the last one end."""
 
 
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits`: the finished fits and, last, the best result so far of the interrupted fit, unless it
-    had no run yet.
+    `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
+    fit, if at least one run of that fit had ended.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -97,17 +99,18 @@ def identify(
       don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
       them, and `Fit.rivals` has other minima that fit the data about as well.
     - `grow`: ends, s, of windows of the record that are fitted before the whole record: first the
-      samples up to the first end, then those up to the next, each fit from the result of the last.
+      samples up to the first end, then up to the next, each fit from the result of the one before.
       After some impacts small errors of parameters have grown so much that a fit of the whole
-      record from a distant start fails. In these windows each parameter is held near its value at
-      the window's start, with its scale's `max_step` as standard deviation, so that parameters that
-      the window doesn't determine stay in range. For example, a record of 187 ms of the double
-      pendulum, five times as long as a single run can fit from a distant guess
+      record from a distant start fails. In these windows each parameter is held near the value
+      from which the window's search starts, with its scale's `max_step` as standard deviation, so
+      that parameters that the window doesn't determine stay in range. For example, a record of
+      187 ms of the double pendulum, five times as long as a single run can fit from a distant guess
       (`clearjoint.fit_horizon`), takes 140 runs with windows.
     - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
       `max_steps` limits the cost of runs with extreme parameters.
     - `max_iterations`: limit for each window of each start; an iteration is one run.
-    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
+    - `tolerance`: length of the Gauss-Newton step, in standard deviations of the estimates, below
+      which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
     - `check_runs`: size of the test of the covariance after the search has converged; 0 for no
@@ -117,7 +120,10 @@ def identify(
       more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
       the lowest minimum, its intervals contain all points that the data allow, and its report
       begins with this result. See `Fit.check`.
-    - `progress`: whether to show a line with the iterations, or a function of each `Iteration`.
+    - `progress`: whether to show a line with the iterations, or a function that is called with
+      each `Iteration`.
+
+    **Returns:** a `Fit`, with the estimates, their uncertainty and tests of the residuals.
 
     **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
     the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
@@ -173,9 +179,15 @@ def identify_many(
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
-    """Fit several sets of measurements of the same channels and times, such as draws of the noise.
+    """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    Arguments are as in `identify`; the result has one fit for each set.
+    **Arguments:** `measurements`: sets with the same channels and times. Other arguments are those
+    of `identify` and apply to every set.
+
+    **Returns:** a list with one `Fit` for each set, in their order.
+
+    **Raises:** as `identify`; `FitInterrupted.fits` has the fits of all sets before the
+    interruption.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -231,7 +243,8 @@ def identify_many(
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Warn once of fits far above the noise, and once of fits whose covariance is not valid."""
+    """Warn once if residuals are far above the noise, and once if a fit's covariance is not
+    valid."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -249,7 +262,13 @@ def _warn(fits: Sequence[Fit]) -> None:
 
 @dataclass(frozen=True)
 class _Windows:
-    """Windows of the record up to each of the `ends`, s, and settings of the searches in them."""
+    """Searches over successively longer windows of the record.
+
+    - `runs`: simulations of the experiment at given coordinates of the parameters.
+    - `ends`: end of each window, s; the last one is the end of the record.
+    - `step_limits`: (p,) largest change of each coordinate in one step.
+    - `tolerance`, `max_iterations`: as in `identify`.
+    """
 
     runs: Experiment
     ends: tuple[float, ...]
@@ -265,10 +284,15 @@ class _Windows:
         on_iteration: OnFitIteration,
         searches: list[Search],
     ) -> tuple[Screened, ...]:
-        """Search from given starts (n, p) or from those that a screening finds.
+        """Search from given starts, or from starts that a screening finds.
 
-        Each search is appended to `searches` when it ends, so that none is lost if the next one is
-        interrupted. **Returns:** the results of the screening.
+        Each search is appended to `searches` when it ends, so that none is lost if the next search
+        is interrupted.
+
+        **Arguments:** `rows`: (n, p) coordinates of the starts; without effect if `passes` is
+        given. `passes`: the screening, or ``None``.
+
+        **Returns:** the results of the screening; empty without a screening.
         """
         data = samples(measurements, len(self.runs.times))
 
@@ -285,14 +309,19 @@ class _Windows:
         return ()
 
     def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
-        """Search from a start (p,) over the successive windows."""
+        """Search from the coordinates `start` (p,), window by window; each window starts from
+        the last."""
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
+            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # short window converges from farther away than in the whole record.
             part, last = data.until(self.runs.times, end), end == self.ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
             try:
                 best, iterations, ending = search_with_damping(
+                    # Without a prior, a parameter that the window hardly determines could leave its
+                    # range here.
                     misfit if last else partial(_with_prior, misfit, at, self.step_limits),
                     at,
                     self.step_limits,
@@ -306,6 +335,8 @@ class _Windows:
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
+            # Samples that a failed run did not reach have constant residuals, on which a search may
+            # converge.
             if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
                 ending = Ending.FAILED
             windows.append(WindowSearch(end, iterations, ending))
@@ -324,9 +355,9 @@ def _with_prior(
     deviations: np.ndarray,
     at: np.ndarray,
 ) -> RunMisfit:
-    """Return the misfit at coordinates (p,) with a normal prior on the coordinates.
+    """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
 
-    The prior has the mean `centre` (p,) and the standard deviations `deviations` (p,).
+    The prior adds p residuals (at - centre)/deviations; `centre` and `deviations` are (p,).
     """
     plain = misfit(at)
     return replace(
@@ -340,7 +371,11 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield a function of an iteration that calls the user's function or shows a progress line."""
+    """Yield a function of (number of samples, iteration) that reports the iteration.
+
+    It calls `progress`, if that is a function, or else shows a progress line if `progress` is
+    ``True``. `searches` is the number of fits named in the line.
+    """
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return

@@ -30,7 +30,8 @@ from ..math.vectors import Scalar
 PATIENCE = 15
 """Number of successive rejected steps, each a quarter of the previous length, that end a search."""
 SHORT = 1e-3
-"""Length of a step relative to the tolerance, in scaled coordinates, below which a search ends."""
+"""Length of the last step, in scaled coordinates, relative to the tolerance, below which a search
+ends."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
@@ -39,7 +40,7 @@ SINGULAR = 1e-12
 
 
 class LinearisedMisfit(Protocol):
-    """Residuals (M,) and Jacobian (M, p) at coordinates (p,)."""
+    """A function's residuals (M,) and their Jacobian (M, p) at coordinates (p,)."""
 
     @property
     def coordinates(self) -> Float[np.ndarray, " p"]:
@@ -54,7 +55,7 @@ class LinearisedMisfit(Protocol):
 
     @property
     def jacobian(self) -> Float[np.ndarray, "M p"]:
-        """Derivatives of the residuals with respect to the coordinates, (M, p)."""
+        """Derivatives of the residuals by the coordinates, (M, p)."""
         ...
 
 
@@ -77,10 +78,12 @@ class Ending(Enum):
 
 @dataclass(frozen=True)
 class Iteration:
-    """One run of a search.
+    """One run of a search, as passed to the function `progress` of `identify`.
 
-    - `number`: number of the run, from 0; `accepted`: whether it is the best run so far.
-    - `chi_squared`, `coordinates` (p,): of this run.
+    - `number`: number of the run, from 0.
+    - `accepted`: whether this is the best run so far.
+    - `chi_squared`: sum of the squared residuals of this run.
+    - `coordinates`: (p,) coordinates of the parameters in this run.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.
     - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping.
@@ -117,7 +120,7 @@ class _ClippedDescent(optx.AbstractDescent):
         return self.descent.query(y, f_info, state)
 
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
-        """Return the clipped step of the inner descent."""
+        """Return the step of the inner descent, (p,), with each entry clipped to its limit."""
         step, result = self.descent.step(step_size, state)
         return jnp.clip(step, -self.limits, self.limits), result
 
@@ -142,7 +145,11 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         state: PyTree,
         tags: frozenset[object],
     ) -> tuple[jax.Array, optx.RESULTS]:
-        """Return whether to end: a short Gauss-Newton step or last step, or no better point."""
+        """Return whether to end the search.
+
+        A search ends if the Gauss-Newton step or the last step is short, or after `PATIENCE`
+        rejected steps.
+        """
         near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
         short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
         stuck = state.num_steps_since_acceptance >= PATIENCE
@@ -150,9 +157,10 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
-    """Return the length of the Gauss-Newton step in standard deviations of the estimates.
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
-    It is the norm of the residuals (M,), projected on the columns of the Jacobian (M, p).
+    The length is the norm of the projection of the residuals (M,) on the columns of the Jacobian
+    (M, p).
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
@@ -176,10 +184,12 @@ def _initial_state(solver: _LevenbergMarquardt, y: jax.Array, model: _Model) -> 
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step.
+    """Compute one step of the search from the linear model at the latest point.
 
-    `arrays` are the arrays of the solver's state, ``None`` at first. **Returns:** the best
-    coordinates so far, the new arrays, whether to end, and the decrement.
+    **Arguments:** `y`: (p,) best coordinates so far; `arrays`: arrays of the solver's state,
+    ``None`` at first; `limits`: (p,) largest change of each coordinate.
+
+    **Returns:** the best coordinates, the new arrays, whether to end, and the decrement.
     """
     solver = _LevenbergMarquardt(
         descent=_ClippedDescent(optx.DampedNewtonDescent(), limits), tolerance=tolerance
@@ -201,9 +211,17 @@ def search_with_damping(
     max_iterations: int,
     on_iteration: Callable[[Iteration], None],
 ) -> tuple[E, tuple[Iteration, ...], Ending]:
-    """Minimise the sum of squares from a start (p,), and report every iteration.
+    """Minimise the sum of squared residuals from a start, and report every iteration.
 
     A `KeyboardInterrupt` after the first evaluation ends the search.
+
+    **Arguments:**
+
+    - `evaluate`: function that returns residuals and Jacobian at coordinates (p,).
+    - `start`: (p,) coordinates; `step_limits`: (p,) largest change of each coordinate in one step.
+    - `tolerance`: Gauss-Newton step, in standard deviations, at which to end.
+    - `max_iterations`: maximum number of evaluations.
+    - `on_iteration`: function that is called after each evaluation.
 
     **Returns:** the best evaluation, all iterations, and the ending.
     """
@@ -214,6 +232,9 @@ def search_with_damping(
         y, arrays = on_device(start * scales), None
         limits = on_device(step_limits * scales), on_device(tolerance)
         while True:
+            # optimistix gets the linear model at the latest point, even if it rejects that point:
+            # it reads the residuals there to decide, and keeps the model of the best point in its
+            # state.
             model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
             y, arrays, done, length = _advance(y, arrays, model, *limits)
             accepted = int(arrays.num_steps_since_acceptance) == 0
@@ -229,6 +250,8 @@ def search_with_damping(
             iterations.append(iteration)
             on_iteration(iteration)
             if bool(done):
+                # Rejected steps also end a search at a rough or imprecise chi squared, which is no
+                # convergence.
                 near = iteration.decrement < max(NEARLY, tolerance)
                 return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
             if len(iterations) == max_iterations:
@@ -239,7 +262,10 @@ def search_with_damping(
 
 
 def scales_of(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, " p"]:
-    """Return the norms (p,) of the columns of a Jacobian (M, p); for zero columns, the largest."""
+    """Return the norm of each column of a Jacobian (M, p), (p,).
+
+    A column that is negligible gets the largest norm, so that a division by it is safe.
+    """
     norms = np.linalg.norm(jacobian, axis=0)
     largest = norms.max() if norms.max() > 0.0 else 1.0
     return np.where(norms > SINGULAR * largest, norms, largest)

@@ -1,8 +1,9 @@
-"""Chi squared around a minimum: test of the quadratic model, and intervals where it fails.
+"""Chi squared around a minimum: test of its quadratic model, and intervals where the model is
+wrong.
 
 The covariance of a fit assumes that chi squared is quadratic around the minimum. This module runs
-no scene: chi squared and local searches are arguments (`clearjoint.identification.checking` makes
-them from runs).
+no scene: chi squared and local searches are arguments, which `clearjoint.identification.checking`
+computes by runs. Points are coordinates of p parameters on their scales.
 """
 
 import math
@@ -48,10 +49,15 @@ def displacements(
 
     Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
     smallest chi squared for that value of the parameter, and along each eigenvector of the
-    correlation matrix. Others are drawn from the covariance, with once and twice the standard
-    errors. No displacement exceeds the `limits` (p,) in any coordinate.
+    correlation matrix. Others are random: normally distributed with the covariance, every second
+    one twice as long. No displacement exceeds the limits.
+
+    **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
+    each coordinate.
     """
     errors = np.sqrt(np.diag(covariance))
+    # Column k is the covariance with parameter k over its standard error: along it the other
+    # parameters minimise chi squared for a given value of parameter k.
     axes = [covariance / errors]
     if len(errors) > 1:
         variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
@@ -65,7 +71,10 @@ def displacements(
 def within(
     offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, "m p"]:
-    """Return offsets (n, p), shortened to the limits (p,), without those of zero length."""
+    """Return offsets (m, p) that are shortened, along their direction, to the limits (p,).
+
+    Offsets of zero length are left out.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
     shortened = offsets * np.minimum(shares.min(axis=1), 1.0)[:, None]
@@ -73,7 +82,7 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return a root R of a covariance R R^T, which may be singular."""
+    """Return a matrix R (p, p) with R R^T = `covariance`, which may be singular."""
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -96,7 +105,11 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """Whether the rise disagrees with the model: too small by 1.5 or too large by 2, (n,)."""
+        """Whether the rise at each point disagrees with the model, (n,).
+
+        The rise is more than 1.5 times too small or more than 2 times too large, by more than
+        `FLOOR`.
+        """
         return _differing(self.predicted, self.actual)
 
     @property
@@ -106,6 +119,8 @@ class QuadraticTest:
 
 
 def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
+    """Return where an actual rise of chi squared disagrees with the predicted rise, of equal
+    shape."""
     low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
     return ~((actual >= low) & (actual <= high))
 
@@ -144,7 +159,12 @@ def tested(
 
 @dataclass(frozen=True)
 class LocalMinimum:
-    """Minimum found by a local search: coordinates (p,), chi squared, and covariance (p, p)."""
+    """Minimum of chi squared found by a local search.
+
+    - `coordinates`: (p,) of the minimum.
+    - `chi_squared`: value at the minimum.
+    - `covariance`: (p, p) of the coordinates, from the derivatives at the minimum.
+    """
 
     coordinates: Float[np.ndarray, " p"]
     chi_squared: float
@@ -155,7 +175,9 @@ class LocalMinimum:
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p), with their `chi_squared` (n,).
+    - `points`: (n, p) coordinates.
+    - `chi_squared`: (n,) at the points.
+    - `minima`: the first minimum, and those at which local searches ended.
     - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether the last round widened every interval by less than a twentieth.
     """
@@ -172,10 +194,10 @@ class Exploration:
         return min(float(self.chi_squared.min()), *(one.chi_squared for one in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Return lower and upper ends (p,) of the 95 % intervals.
+        """Return lower and upper ends of the parameters' 95 % intervals, (p,) each, in coordinates.
 
-        They contain every point with a chi squared at most 3.84 above the lowest, and the interval
-        of each minimum by its own covariance, which is narrower for a larger chi squared.
+        The intervals contain every point with a chi squared at most 3.84 above the lowest, and the
+        interval of each minimum by its own covariance, which is narrower for a larger chi squared.
         """
         allowed = self.chi_squared <= self.lowest + RISE
         lows, highs = [self.points[allowed]], [self.points[allowed]]
@@ -199,21 +221,27 @@ def explore(
     likely: float,
     generator: np.random.Generator,
 ) -> Exploration:
-    """Search the neighbourhood of a minimum for all points with a similar chi squared.
+    """Explore the neighbourhood of a minimum for all points with a similar chi squared.
 
     The first round draws `number` points from normal distributions with the given covariances, with
     once, twice and four times their standard errors. Each further round draws half as many points
-    among the lowest ones so far, and as many again around a new, lower minimum. After every round,
-    local searches start from some of the lowest points that are far from each other and from the
-    known minima. The search ends when the intervals have settled and noise explains the lowest chi
-    squared, or after `rounds`.
+    among the lowest points so far, and as many again around the lowest minimum if that has moved or
+    if noise doesn't explain its chi squared. After every round, local searches start from some of
+    the lowest points that are far from each other and from the known minima. The exploration ends
+    when the intervals have settled and noise explains the lowest chi squared, or after `rounds`
+    rounds.
 
     **Arguments:**
 
-    - `chi_squared`: chi squared (n,) at points (n, p).
-    - `descend`: local search from a point.
-    - `limits`: (p,) largest distance of points from the minimum.
+    - `chi_squared`: function that returns chi squared (n,) at points (n, p).
+    - `descend`: function that searches from a point (p,) and returns a local minimum.
+    - `minimum`: the minimum of the fit.
+    - `covariances`: matrices (p, p); the first is that of the minimum.
+    - `limits`: (p,) largest distance of points from the minimum, in coordinates.
+    - `number`: number of points in the first round.
+    - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise explains.
+    - `generator`: source of random numbers.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
@@ -252,6 +280,8 @@ def explore(
             if (grown < SETTLED).all():
                 return explored
         before = low, high
+        # New points are drawn among the kept points and the minima, because local searches reach
+        # lower chi squared than random points.
         limit = explored.lowest + WORTH * RISE
         near = [one.coordinates for one in minima if one.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
@@ -264,9 +294,9 @@ def explore(
 
 
 def inside(minimum: LocalMinimum, point: Float[np.ndarray, " p"]) -> bool:
-    """Return whether a point is within one standard error of a minimum.
+    """Return whether a point (p,) is within one standard error of a minimum, by its covariance.
 
-    A search from there would end in this minimum.
+    A search from such a point would end in this minimum.
     """
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))

@@ -1,4 +1,4 @@
-"""Minimisation of any function of a motion's outputs by optax."""
+"""Minimisation of a user's function of a motion's outputs, by the optimisers of optax."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,15 +23,17 @@ if TYPE_CHECKING:
     import optax
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
-"""From outputs by name, (N,) each, to the number to minimise."""
+"""Function that receives outputs by name, (N,) each, and returns the number to minimise, ()."""
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Parameters with the smallest objective of all runs.
+    """Parameters of the run with the smallest objective.
 
-    - `estimates`: values by name; `coordinates`: (p,) on their scales.
-    - `objective`: smallest value; `history`: (iterations,) values in all runs.
+    - `estimates`: value of each parameter by name.
+    - `coordinates`: (p,) the same values on the parameters' scales.
+    - `objective`: smallest objective of all runs.
+    - `history`: (iterations,) objective of every run that succeeded.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
@@ -76,6 +78,8 @@ def minimise(
     - `optimiser`: an optax optimiser of the coordinates; by default `optax.adam(0.05)`.
     - `iterations`: number of runs. The search ends earlier if a run does not reach all times.
 
+    **Returns:** a `Minimum`, for the run with the smallest objective.
+
     **Raises:** `ValueError` for unsupported arguments, and if the first run fails.
 
     >>> def squares(outputs):
@@ -106,6 +110,8 @@ def minimise(
         value, slopes = gradient(values)
         history.append(float(value))
         best = at if float(value) <= min(history) else best
+        # Chain rule: a run gives derivatives of the outputs, JAX those of the objective by the
+        # outputs.
         along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
         step, optimiser_state = optimiser.update(jnp.asarray(along), optimiser_state, at)
         at = jnp.asarray(optax.apply_updates(at, step))

@@ -17,7 +17,10 @@ def estimates_table(
     intervals: Mapping[str, tuple[float, float]],
     units: Mapping[str, str],
 ) -> str:
-    """Return a table of the parameters: estimate, standard error, interval and unit."""
+    """Return a table with a row for each parameter: estimate, standard error, interval and unit.
+
+    All arguments are by name of the parameter.
+    """
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
@@ -27,7 +30,7 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """Return the number of digits of a value that shows two digits of its error."""
+    """Return how many digits of a value to show, so that two digits of its error are visible."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
@@ -40,7 +43,7 @@ def series_table(
     whiteness: Mapping[str, float],
     normality: Mapping[str, float],
 ) -> str:
-    """Return a table of the series: number of samples and tests of the residuals."""
+    """Return a table of the series: number of samples, and tests of the residuals, all by name."""
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     for name, row in residuals.items():
         cells = [f"{rms[name]:.3f}", f"{whiteness[name]:.2g}", f"{normality[name]:.2g}"]
@@ -49,7 +52,7 @@ def series_table(
 
 
 def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"]) -> str:
-    """Return a table of the correlations (p, p) of the estimates."""
+    """Return a table of the correlations (p, p) of the estimates of the p named parameters."""
     rows = [["correlation", *names]]
     for name, row in zip(names, correlation, strict=True):
         rows.append([name, *(f"{number:.4f}" for number in row)])
@@ -57,12 +60,15 @@ def correlation_table(names: Sequence[str], correlation: Float[np.ndarray, "p p"
 
 
 def numbered(sentences: Sequence[str]) -> str:
-    """Return sentences as a numbered list."""
+    """Return sentences as lines with the numbers 1, 2 and so on."""
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(sentences, 1))
 
 
 def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[Screened]) -> str:
-    """Return a table of the searches, the best one with a star, after a line on the screening."""
+    """Return a table of the searches, the best one marked by a star.
+
+    With results of a screening, a line about its runs and rounds precedes the table.
+    """
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(searches):
         mark = " *" if search is best else ""

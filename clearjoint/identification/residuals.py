@@ -48,11 +48,12 @@ optimiser rejects the step."""
 
 
 class Experiment(eqx.Module):
-    """Runs of a scene for any values of its parameters, with the outputs of the measurements.
+    """Runs of a scene for any values of its p parameters, with the outputs of the measurements.
 
+    - `scheme`: formulation and integration method.
     - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
       `run` takes coordinates.
-    - `outputs`: measured outputs by name; `names` has their order in arrays.
+    - `outputs`: measured quantity by name; `names` has their order in arrays.
     - `times`: (T,) s, rising; the last one is repeated up to one of a few lengths, so that programs
       are reused.
     - `delays`: index of each delay among the parameters, and the names of its outputs.
@@ -94,7 +95,10 @@ class Experiment(eqx.Module):
         )
 
     def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value, s, of a delay at coordinates (..., p)."""
+        """Return the value of a delay, s, (...), at coordinates (..., p).
+
+        `number`: index of the delay among the parameters.
+        """
         return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
 
 
@@ -204,7 +208,13 @@ def experiment(
     start_time: float,
     settings: Settings | None,
 ) -> Experiment:
-    """Return runs of a scene for any values of `parameters`, with `outputs` at times (N,), s."""
+    """Return the runs of a scene for any values of its parameters.
+
+    **Arguments:** `outputs`: measured quantity by name; `times`: (N,) s, at which to evaluate them;
+    `settings`: by default `clearjoint.presets.derivatives`.
+
+    **Raises:** `ValueError` for unsupported arguments.
+    """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
@@ -254,7 +264,10 @@ def _delays(
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:
-    """Check that a run does not begin after the first of the rising times of samples."""
+    """Check that a run does not begin after the first of the samples' `times`, s, which rise.
+
+    **Raises:** `ValueError` otherwise.
+    """
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
@@ -264,10 +277,10 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 def predictions(
     coordinates: Float[np.ndarray | jax.Array, " p"], runs: Experiment, end_time: Scalar
 ) -> Float[jax.Array, "S T"]:
-    """Return the S outputs at T times, in the order of `runs.names`.
+    """Return the S outputs at T times, (S, T), SI, in the order of `runs.names`.
 
-    They are NaN at times that the run did not reach. The function is differentiable with respect to
-    the coordinates.
+    Values are NaN at times that the run did not reach. The function is differentiable by the
+    coordinates (p,); `end_time`, s, is the end of the run.
     """
     return _arrays(runs, runs.run(coordinates, end_time))[0]
 
@@ -282,7 +295,10 @@ def _predictions_along(
 
 
 def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
-    """Return values (S, T) and derivatives (S, T, p) of a run; NaN and zero if not reached."""
+    """Return values (S, T) and derivatives by the coordinates (S, T, p) of a run.
+
+    At times that the run did not reach, values are NaN and derivatives zero.
+    """
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
     fine = run.reached & jnp.isfinite(values)
@@ -291,9 +307,10 @@ def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
 
 
 class Samples(eqx.Module):
-    """Measurements of S series at the union of their times.
+    """Measurements of S series at the T times at which any of them has a sample.
 
-    - `values`: in SI; `weights`: inverse of the noise, zero where a series has no sample.
+    - `values`: (S, T) in SI.
+    - `weights`: (S, T) inverse of the noise, zero where a series has no sample.
     - `periods`: period of each series, such as 2 pi for an angle, or ``None``.
     """
 
@@ -307,14 +324,17 @@ class Samples(eqx.Module):
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
-        """Return the samples up to `end_time`, s; `times` (T,) are the times of all samples."""
+        """Return a copy in which samples after `end_time`, s, have zero weight.
+
+        `times` (T,), s, are the times of all samples.
+        """
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise.
+        """Return (prediction - value) / noise, (S, T), for predictions (S, T) in SI.
 
-        It is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
+        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
         """
         difference = predicted - self.values
         rows = [
@@ -327,7 +347,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the series at the union of their times, padded to `count` times without samples."""
+    """Return the series at all their times, padded to `count` times without samples."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -343,21 +363,23 @@ def residuals(
     data: Samples,
     end_time: Scalar,
 ) -> Float[jax.Array, " M"]:
-    """Return predictions minus measurements in standard deviations, series after series.
+    """Return the residuals (S T,) of all samples in standard deviations, series after series.
 
-    The function is differentiable with respect to the coordinates.
+    The function is differentiable by the coordinates (p,). `end_time`, s, is the end of the run.
     """
     return data.residuals(predictions(coordinates, runs, end_time)).ravel()
 
 
 @dataclass(frozen=True)
 class RunMisfit:
-    """Residuals and their Jacobian from one run.
+    """Residuals and their Jacobian from one run, for M = S T samples of S series at T times.
 
-    - `coordinates`: coordinates of the parameters.
-    - `residuals`: in standard deviations; `jacobian`: their derivatives.
-    - `predicted`: values of the outputs, SI.
-    - `result`: `RESULTS` code of the run; `time`: its end, s; `attempts`: steps tried.
+    - `coordinates`: (p,) coordinates of the parameters.
+    - `residuals`: (M,) in standard deviations, series after series.
+    - `jacobian`: (M, p) derivatives of the residuals by the coordinates.
+    - `predicted`: (S, T) values of the outputs, SI.
+    - `result`: `RESULTS` code of the run.
+    - `time`: s, end of the run; `attempts`: number of steps tried.
     """
 
     coordinates: Float[np.ndarray, " p"]
@@ -377,7 +399,10 @@ class RunMisfit:
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
 ) -> RunMisfit:
-    """Return residuals and their Jacobian at coordinates (p,), from one run up to a time, s."""
+    """Run the scene once and return its residuals and their Jacobian.
+
+    **Arguments:** `end_time`: s, end of the run; `coordinates`: (p,) of the parameters.
+    """
     run = runs.run(coordinates, end_time)
     values, jacobian = _weighted(runs, run, data)
     return RunMisfit(

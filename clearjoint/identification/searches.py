@@ -12,7 +12,12 @@ from .residuals import RunMisfit
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Search over the samples up to `end_time`, s: its iterations and its ending."""
+    """Search that uses only the samples up to a time.
+
+    - `end_time`: s, end of the window.
+    - `iterations`: all runs of the search.
+    - `ending`: reason why the search ended.
+    """
 
     end_time: float
     iterations: tuple[Iteration, ...]
@@ -34,7 +39,7 @@ class Search:
 
     @property
     def ending(self) -> Ending:
-        """Ending of the last window's search."""
+        """Reason why the search in the last window ended."""
         return self.windows[-1].ending
 
     @property
@@ -44,5 +49,5 @@ class Search:
 
 
 def best_search(searches: Iterable[Search]) -> Search:
-    """Return the search with the smallest chi squared; the first of equal ones."""
+    """Return the search with the smallest chi squared; of equal ones, the first."""
     return min(searches, key=lambda search: search.best.chi_squared)

@@ -1,4 +1,4 @@
-"""Starts of searches: guesses, and starts drawn around them."""
+"""Starts of searches: the user's guesses, and random starts around the first guess."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,20 +13,23 @@ from ..parametrisation.parameter import Parameter
 from ..parametrisation.variations import SeriesDelay
 
 Guess = Mapping[str, float]
-"""Values of parameters by name."""
+"""Value of each guessed parameter by its name, in SI units."""
 
 
 @dataclass(frozen=True)
 class Starts:
-    """Several starts: the first guess, and others drawn around it.
+    """A guess and random starts around it, for a fit that searches from several starts.
 
     **Arguments:**
 
     - `number`: number of starts, including the guess.
     - `spread`: largest distance of a start from the guess, in the coordinates of the scales (on a
-      `Log` scale, 1 is a factor of e in both directions); one number, or one for each parameter.
-      Starts are uniformly distributed within this distance.
+      `Log` scale, 1 is a factor of e in both directions); one number, or a dictionary by name of
+      the parameter, in which missing parameters have distance 0. Starts are uniformly distributed
+      within this distance.
     - `seed`: seed of the random numbers.
+
+    **Raises:** `ValueError` for a `number` below 1.
 
     >>> cj.Starts(4, spread=0.5)
     Starts(number=4, spread=0.5, seed=0)
@@ -42,7 +45,10 @@ class Starts:
     def around(
         self, first: Float[np.ndarray, " p"], names: Sequence[str]
     ) -> Float[np.ndarray, "{self.number} p"]:
-        """Return coordinates (number, p) of the starts, the first of which is `first` (p,)."""
+        """Return the coordinates of all starts, (number, p); the first row is `first`.
+
+        **Arguments:** `first`: (p,) coordinates of the guess. `names`: names of the p parameters.
+        """
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
@@ -51,9 +57,12 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
-    """Return a spread as an array (p,), in the order of the names; zero for missing names.
+    """Return the spread of each parameter, (p,), in the order of `names`.
 
-    **Raises:** `ValueError` for an unknown parameter.
+    A number is the spread of every parameter. A dictionary gives spreads by name; missing names get
+    zero.
+
+    **Raises:** `ValueError` for a name that is not in `names`.
     """
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
@@ -68,9 +77,12 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return coordinates (S, p) of all starts: the guesses, then starts around the first guess.
+    """Return the coordinates of all starts on the parameters' scales, (S, p).
 
-    **Raises:** `ValueError` for a guess of an unknown parameter, or outside its scale.
+    The rows are the guesses in their order, then the random starts around the first guess.
+
+    **Raises:** `ValueError` for a guess of an unknown parameter, outside its scale, or refused by
+    the scene's elements.
     """
     names = tuple(parameters)
     several = isinstance(guess, Sequence)
@@ -89,6 +101,8 @@ def start_coordinates(
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
+    """Return the coordinate of a parameter's guessed value; without a guess, of its present
+    value."""
     try:
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))

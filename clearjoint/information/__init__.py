@@ -1,2 +1,2 @@
-"""Information of data about parameters: Fisher information, identifiability, and the longest record
-that a fit can use."""
+"""Information that measurements contain about parameters: identifiability from planned sensors, and
+the longest record that a fit by a single run can use."""

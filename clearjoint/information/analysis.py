@@ -30,9 +30,10 @@ ACCURACY_OF_DERIVATIVES = 1e3
 
 @dataclass(frozen=True)
 class SensorDerivatives:
-    """Derivatives of a sensor's samples with respect to the parameters' coordinates.
+    """Derivatives of a sensor's samples by the coordinates of p parameters.
 
-    `times`: (N,) s. `rows`: (N, channels, p), in units of the samples' noise.
+    - `times`: (N,) s.
+    - `rows`: (N, channels, p), derivatives divided by the noise of the sample.
     """
 
     times: Float[np.ndarray, " N"]
@@ -45,12 +46,15 @@ class Identifiability:
 
     Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
     small normal noise, for which outputs are linear in the parameters over the deviations. `of`
-    selects sensors, and `until` shortens the record.
+    selects sensors, and `until` shortens the record. A coordinate is a parameter's value on its
+    scale, such as the logarithm of the value.
 
-    - `names`, `scales`, `coordinates`: of the p parameters, in the order of all arrays.
-    - `records`: derivatives of each sensor's samples.
-    - `accuracy`: relative error of the derivatives. Combinations with a smaller relative effect
-      count as undetermined.
+    - `names`: names of the p parameters, in the order of all arrays.
+    - `scales`: scale of each parameter.
+    - `coordinates`: (p,) coordinates at which the run was computed.
+    - `records`: by name of the sensor, derivatives of its samples.
+    - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
+      relative effect count as undetermined.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -66,9 +70,9 @@ class Identifiability:
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
-        """Return the identifiability for some of the sensors.
+        """Return the identifiability by the samples of the named sensors only.
 
-        **Raises:** `ValueError` for an unknown name.
+        **Raises:** `ValueError` for an unknown name, and without names.
         """
         for name in sensors:
             known = f"among {sorted(self.records)}"
@@ -77,9 +81,9 @@ class Identifiability:
         return replace(self, records={name: self.records[name] for name in sensors})
 
     def until(self, time: float) -> "Identifiability":
-        """Return the identifiability for the samples up to a time, s.
+        """Return the identifiability by the samples up to `time`, s, only.
 
-        **Raises:** `ValueError` if there are no samples.
+        **Raises:** `ValueError` if there are no samples up to this time.
         """
         records = {}
         for name, record in self.records.items():
@@ -92,57 +96,59 @@ class Identifiability:
 
     @property
     def times(self) -> Float[np.ndarray, " N"]:
-        """Times of all samples, rising, s."""
+        """Times at which any sensor has a sample, (N,) s, rising."""
         return np.unique(np.concatenate([record.times for record in self.records.values()]))
 
     @property
     def root(self) -> Float[np.ndarray, "p p"]:
-        """Root R (p, p) of the Fisher information R^T R of the coordinates."""
+        """Matrix R (p, p) with R^T R equal to the Fisher information of the coordinates."""
         return information.root_of(self._rows()[1])
 
     @property
     def matrix(self) -> Float[np.ndarray, "p p"]:
-        """Fisher information (p, p) of the coordinates."""
+        """Fisher information of the coordinates, (p, p)."""
         return self.root.T @ self.root
 
     @property
     def deviations(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations (p,) of the coordinates, all estimated together.
+        """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
 
-        On a `Log` scale they are relative errors of the value.
+        On a `Log` scale they are relative errors of the value. They are infinite for parameters
+        that the data don't determine.
         """
         return information.together(self.root, self.accuracy)
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations (p,) of the coordinates, each for known other parameters."""
+        """Standard deviations of the coordinates, (p,), each if the other parameters are known."""
         return information.alone(self.root)
 
     @property
     def labels(self) -> list[str]:
-        """Labels of the parameters' coordinates, such as "log K"."""
+        """Label of each parameter's coordinate as text, such as "log K"."""
         return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
     def values(self) -> Float[np.ndarray, " p"]:
-        """Values (p,) of the parameters."""
+        """Values of the parameters, (p,), SI."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([float(scale.value(u)) for scale, u in pairs])
 
     @property
     def slopes(self) -> Float[np.ndarray, " p"]:
-        """Absolute derivatives (p,) of the values with respect to the coordinates."""
+        """Absolute derivatives of the values by the coordinates, (p,), SI."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 
     @property
     def value_deviations(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations (p,) of the values, all estimated together."""
+        """Standard deviations of the values, (p,), SI, if all parameters are estimated together."""
         return self.slopes * self.deviations
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations (p,) of the coordinates above which a parameter is not identifiable.
+        """Standard deviations of the coordinates, (p,), above which a parameter is not
+        identifiable.
 
         See `AbstractScale.uninformative_std`.
         """
@@ -151,32 +157,35 @@ class Identifiability:
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the standard deviation of each parameter is within its limit."""
+        """Whether the standard deviation of each parameter, by name, is within its limit."""
         fine = self.deviations <= self.limits
         return dict(zip(self.names, fine.tolist(), strict=True))
 
     @property
     def rank(self) -> int:
-        """Number of combinations of parameters that the data determine."""
+        """Number of independent combinations of parameters that the data determine, at most p."""
         return int(information.rank(self.root, self.accuracy))
 
     @property
     def condition(self) -> float:
-        """Condition number of the derivatives with columns of unit length."""
+        """Condition number of the derivatives of all samples, with columns scaled to unit
+        length."""
         return float(information.condition(self.root))
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
-        """Correlation (p, p) of the estimates."""
+        """Correlation of the estimated coordinates, (p, p)."""
         return information.correlation(information.covariance(self.root))
 
     @property
     def combinations(self) -> tuple[Combination, ...]:
-        """Independent combinations of the coordinates, the most accurate first."""
+        """Combinations of the coordinates whose estimates are independent, the most accurate
+        first."""
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations (T, p) of the coordinates for the samples up to each time.
+        """Return standard deviations of the coordinates, (N, p), for the samples up to each of
+        `times`.
 
         All parameters are estimated together.
         """
@@ -186,7 +195,10 @@ class Identifiability:
         return information.together(roots, self.accuracy)
 
     def _rows(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N p"]]:
-        """Return times (N,) and rows (N, p) of all samples in the order of time."""
+        """Return the times (N,), s, of all samples of all channels, and their derivatives (N, p).
+
+        Both are in the order of time. Derivatives are in units of the noise.
+        """
         records, p = self.records.values(), len(self.names)
         times = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
         rows = np.concatenate([r.rows.reshape(-1, p) for r in records])
@@ -194,7 +206,7 @@ class Identifiability:
         return times[order], rows[order]
 
     def __str__(self) -> str:
-        """Tables of bounds, correlations and combinations."""
+        """Return tables of standard deviations, correlations and combinations, as text."""
         sensors, times = ", ".join(self.records), self.times
         head = (
             f"Smallest standard deviations that data can reach: {sensors}; {len(times)} times from "
@@ -203,7 +215,11 @@ class Identifiability:
         return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
 
     def _bounds(self) -> list[str]:
-        """Return a row for each parameter: bounds together and alone, and correlations r."""
+        """Return the lines of a table with a row for each parameter.
+
+        The columns are its value, its bounds if estimated together and alone, and its correlations
+        r.
+        """
         rows: list[tuple[str, ...]] = [
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
         ]
@@ -217,7 +233,7 @@ class Identifiability:
         return aligned(rows)
 
     def _combination_lines(self) -> list[str]:
-        """Return a row for each combination, and a line for each unidentifiable parameter."""
+        """Return a line for each combination, and a line for each unidentifiable parameter."""
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
@@ -255,6 +271,8 @@ def identifiability(
       whose values are not used.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
 
+    **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
+
     **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
@@ -291,9 +309,12 @@ def identifiability_from(
 
     **Arguments:**
 
-    - `run`: run with the sensors' outputs at all their times. Its first p derivatives are with
-      respect to the parameters.
+    - `run`: run with the sensors' outputs at all their times. Its first p derivatives are by the
+      parameters.
+    - `parameters`: the p parameters by name.
     - `coordinates`: (p,) coordinates of the parameters in that run.
+    - `sensors`: the sensors by name.
+    - `settings`: settings of the run; `rtol` determines the accuracy of the derivatives.
     """
     return Identifiability(
         tuple(parameters),

@@ -1,10 +1,10 @@
 """Test whether a fit can descend from a wrong guess to the truth, by the length of the record.
 
 The path is the straight line from the guess to the truth, in the parameters' coordinates. If the
-misfit of the outputs rises somewhere along it towards the truth, a local minimum or a ridge may
-stop a fit. The slope of the misfit along the path is r^T J d, with the residuals r and their
-derivatives J at a point of the path, and the direction d. It is a sum over samples: its cumulative
-sum is the slope for every length of the record.
+misfit of the outputs rises somewhere along this line towards the truth, a local minimum or a ridge
+may stop a fit. The slope of the misfit along the path is r^T J d, with the residuals r and their
+derivatives J at a point of the path, and the direction d. The slope is a sum over samples: its
+cumulative sum is the slope for every length of the record.
 """
 
 import itertools
@@ -36,7 +36,13 @@ class WrongGuess:
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Yield offsets (p,) of wrong guesses: each parameter in both directions, and all together."""
+    """Yield the offset of each wrong guess from the truth, (p,), in the parameters' coordinates.
+
+    Each parameter is wrong alone, in both directions; then all are wrong together, in all
+    combinations of signs for up to three parameters and in eight random ones for more.
+
+    **Arguments:** `uncertainty`: (p,) largest error of each coordinate.
+    """
     p = len(uncertainty)
     for k in range(p):
         for sign in (1.0, -1.0):
@@ -75,5 +81,7 @@ def blocked(
     slope = np.cumsum((residuals * along).sum(axis=0))
     misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
     is_blocked = np.ones(count, bool)
+    # Scaled by the norms, the slope is the cosine of an angle: a path is flat by direction, not by
+    # size.
     is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
     return is_blocked

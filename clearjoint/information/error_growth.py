@@ -1,4 +1,4 @@
-"""Growth of small differences: displacements of the bodies' points per unit of a change.
+"""Growth of small differences: displacements of points of the bodies per unit of a parameter.
 
 Each body has four points: its centre of mass, and one at the distance of a radius of gyration along
 each body axis. A displacement is the root mean square over all points, in m.
@@ -57,7 +57,7 @@ def disturbance(scene: Scene) -> Parameter:
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the coordinates of the bodies' points as quantities."""
+    """Return the coordinates of the bodies' points, m, as quantities by name."""
     quantities: dict[str, Quantity] = {}
     for body, radius in _radii(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -68,7 +68,7 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
-    """Return the penetrations of all contacts, m, as quantities."""
+    """Return the penetrations of all contacts, m, as quantities by name."""
     return {
         f"penetration of {joint}: {contact}": Penetration(joint, contact)
         for joint, laws in scene.laws().items()
@@ -77,9 +77,10 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return displacements (T, p) per unit of each parameter.
+    """Return root mean square displacements (T, p), m, per unit of each of p parameters.
 
-    `derivatives` has the derivatives (T, p) of the points' coordinates, by the keys of `names`.
+    **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
+    `names`: the quantities of `points`, whose names select the derivatives.
     """
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
@@ -87,10 +88,12 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate of exponential growth, 1/s, of displacements `size` (T,) from a time on.
+    """Return the rate of exponential growth, 1/s, of displacements `size` from the time `since` on.
 
-    It is the slope of a straight line through their logarithms; NaN for fewer than two positive
-    displacements.
+    The rate is the slope of a straight line through the logarithms of the displacements; NaN for
+    fewer than two positive displacements.
+
+    **Arguments:** `times`: (T,) s; `size`: (T,) m.
     """
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
@@ -99,7 +102,7 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def _radii(scene: Scene) -> dict[str, float]:
-    """Return the mean radii of gyration of the bodies, m."""
+    """Return the mean radius of gyration of each body by name, m."""
     radii = {}
     for name, body in scene.bodies.items():
         inertia = np.asarray(body.inertia)

@@ -19,7 +19,8 @@ weight, unless more than the second share of their variance comes from the combi
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return the root (p, p) of the information of rows (N, p)."""
+    """Return a root R (p, p) of the information: R^T R = J^T J for the derivatives `rows` J (N,
+    p)."""
     # With p rows of zeros the root has p rows even if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))

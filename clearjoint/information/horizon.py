@@ -1,9 +1,9 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. This makes parameters visible in data, but it also
-limits a fit. First, a wrong guess leads to another sequence of impacts, whose misfit leads to wrong
-parameters. Later, integration errors grow until the run differs from the true motion for its
-parameters.
+Small differences grow from impact to impact. This growth makes parameters visible in data, but it
+limits a fit in two ways. First, a wrong guess leads to another sequence of impacts, whose misfit
+leads to wrong parameters. Later, integration errors grow until the run differs from the true motion
+for its parameters.
 """
 
 import warnings
@@ -30,9 +30,10 @@ LOOSER = 10.0
 """Tolerance of the run that estimates the error of the main run, relative to the main run's. A
 smaller tolerance than the main run's might be below rounding errors."""
 PATH_POINTS = 4
-"""Number of points of a path at which the slope of the misfit is computed, including the guess."""
+"""Number of points between the truth and a wrong guess, including the guess, at which the slope of
+the misfit is computed."""
 DERIVATIVE_ERROR = 0.1
-"""Relative error above which derivatives are useless for a fit."""
+"""Relative error of derivatives from which on a fit can't use them."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,17 @@ class FitHorizon:
 
     @property
     def convergence(self) -> float:
-        """End of the shortest record, s, for which a fit from one of the guesses may fail."""
+        """End of the shortest record, s, for which a fit from one of the guesses may fail.
+
+        Infinite if fits from all guesses converge for every record.
+        """
         return min(guess.since for guess in self.guesses)
 
     @property
     def single_shot(self) -> float:
         """End of the longest record, s, that a fit by a single run can use.
 
-        It is the smaller of `numerical` and `convergence`.
+        The smaller one of `numerical` and `convergence`; infinite if the whole record can be used.
         """
         return min(self.numerical, self.convergence)
 
@@ -134,9 +138,9 @@ class FitHorizon:
         return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
 
     def _deviations_by_length(self) -> list[str]:
-        """Return lines of a table of the parameters' standard deviations.
+        """Return the lines of a table of the parameters' standard deviations.
 
-        It has a row for the whole record, and a row for the record up to each limit that is
+        The table has a row for the whole record, and a row for the record up to each limit that is
         reached.
         """
         deviations = self.information.over_time()
@@ -176,6 +180,8 @@ def fit_horizon(
     - `uncertainty`: largest error of a first guess by parameter, in the scale's coordinate: log(5)
       for a factor of five on a `Log` scale.
 
+    **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
+
     **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run with the
     parameters' values fails.
 
@@ -204,6 +210,8 @@ def fit_horizon(
     errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
     times = true_run.times
     sizes = growth.sizes(true_run.derivatives, growth.points(scene))
+    # Differences grow exponentially only through impacts: the rate is fitted from the first contact
+    # on.
     touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
     onset = _first(times, touching)
     guesses = descent_paths.offsets(spread)
@@ -247,6 +255,7 @@ class _PerturbedRuns:
         (T, p + 1), with respect to the coordinates and, in the last column, to the perturbation of
         the initial velocity, per m/s.
         """
+        # Only the parameters' values change, which are arguments of the compiled program.
         values = zip(self.parameters.items(), coordinates, strict=True)
         perturbed = {
             name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))

@@ -1,4 +1,4 @@
-"""Sensors of planned measurements: channels, times and noise, without values."""
+"""Sensors of planned measurements: measured quantities, times and noise, without values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,33 +21,34 @@ class SampledChannel(Protocol):
 
     @property
     def channel(self) -> Quantity:
-        """The quantity, a scalar function of an `Instant`."""
+        """The measured quantity, a scalar function of an `Instant`."""
         ...
 
     @property
     def times(self) -> ArrayLike:
-        """Times of the samples, (N,) s, rising."""
+        """Times of the samples, (N,) s, strictly rising."""
         ...
 
     @property
     def noise(self) -> ArrayLike:
-        """Standard deviation of each sample, a number or (N,), in the channel's SI unit."""
+        """Standard deviation of the samples in the channel's SI unit, a number or (N,)."""
         ...
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """An instrument with one or more channels that are sampled together.
+    """An instrument that samples one or more channels at the same times.
 
     **Arguments:**
 
-    - `channels`: one or several scalar functions of an `Instant`, such as those of
+    - `channels`: one scalar function of an `Instant`, or a list or tuple of them, such as those of
       `clearjoint.quantities`.
     - `times`: (N,) s, strictly rising.
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
-    **Raises:** `ValueError` for times that don't rise and for noise that is not positive.
+    **Raises:** `ValueError` for channels that are not functions, for times that don't rise, and for
+    noise that is not positive.
 
     >>> times = np.linspace(0.0, 0.1, 201)
     >>> probe = cj.Sensor(cj.quantities.JournalOffset("shoulder", "x"), times, noise=1e-6)
@@ -89,12 +90,13 @@ class SeriesByName(Protocol):
 
     @property
     def series(self) -> Mapping[str, SampledChannel]:
-        """Sampled channels by name."""
+        """Measured series by name."""
         ...
 
 
 Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
-"""Sensors by name; a measured `Series` is a sensor with a single channel."""
+"""A dictionary by name of sensors or measured series, or `Measurements`. A `Series` counts as a
+sensor with one channel."""
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
@@ -137,5 +139,5 @@ def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
 
 
 def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
-    """Return the times of all samples of all sensors, rising, s."""
+    """Return the times at which any sensor has a sample, (N,) s, rising, each time once."""
     return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns; the first row is the head."""
+    """Return the lines of a table with aligned columns; the first of `rows` is the head."""
     import pandas as pd
 
     (corner, *head), *body = rows
@@ -17,10 +17,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with two digits, "-" if it is not finite."""
+    """Return `share` in percent as text with two digits; "-" if it is not finite."""
     return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a number as text with a number of digits, "-" if it is not finite."""
+    """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
     return f"{value:.{digits}g}" if np.isfinite(value) else "-"

@@ -1,1 +1,2 @@
-"""Measured series: units, files and residuals."""
+"""Measured series of quantities, with noise: conversion of units, reading of files, and
+residuals."""

@@ -1,6 +1,6 @@
 """Readers of measurements from CSV files and xarray datasets.
 
-Error messages count rows from 1 below the header, without blank and comment lines.
+Error messages count rows of data from 1, without the header, blank lines and comment lines.
 """
 
 import warnings
@@ -40,18 +40,19 @@ _LINE_OPTIONS = (
     "skipinitialspace",
     "skiprows",
 )
-"""Options of `pandas.read_csv` that determine how a line is read."""
+"""Options of `pandas.read_csv` that determine how one line is split into fields."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """The quantity in a column, with its noise and unit.
+    """The measured quantity of a table's column, with its noise and unit.
 
     **Arguments:**
 
     - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
-    - `noise`: standard deviation in the column's unit: a number, or one for each row.
-    - `unit`: unit of the column, if the table does not give it.
+    - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
+      row. ``None`` takes the `noise` argument of the reader.
+    - `unit`: unit of the column, any that pint knows, if the table doesn't tell the unit.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'
@@ -64,10 +65,11 @@ class Channel:
 
 @dataclass(frozen=True)
 class _Column:
-    """A column of a table.
+    """One column of a table.
 
-    - `label`: name of the column in errors; `values`: the values in the table.
-    - `unit`: unit in the table, or ``None``.
+    - `label`: description of the column for error messages.
+    - `values`: the values in the table.
+    - `unit`: unit according to the table, or ``None``.
     """
 
     label: str
@@ -75,7 +77,10 @@ class _Column:
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """Return the values as numbers; NaN for values that are not numbers."""
+        """Return the values as floats, (rows,), with NaN for text that is not a number.
+
+        **Raises:** `ValueError` for dates and truth values.
+        """
         import pandas as pd
 
         kind = self.values.dtype.kind
@@ -87,7 +92,7 @@ class _Column:
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Check every row; the error names the first wrong one."""
+        """Raise a `ValueError` that names the first row where `fine` (rows,) is false."""
         if not fine.all():
             k = int(np.argmin(fine))
             value = self.values.tolist()[k]
@@ -106,7 +111,7 @@ def read_csv(
     missing: Missing = "refuse",
     **options: Any,
 ) -> Measurements:
-    """Read measurements from a CSV file with a header, which may be compressed.
+    """Read measurements from a CSV file with a header; the file may be compressed.
 
         probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
         data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
@@ -116,12 +121,15 @@ def read_csv(
 
     **Arguments:**
 
-    - `channels`: `Channel` by column. A header may contain the unit: "probe x [mm]" is the column
-      "probe x".
-    - `time`, `time_unit`: the column of times, and its unit if the header has none.
-    - `noise`: noise of channels without their own.
+    - `channels`: `Channel` by name of the column. A header may contain the unit: "probe x [mm]" is
+      the column "probe x".
+    - `time`, `time_unit`: name of the column of times, and its unit if the header has none.
+    - `noise`: standard deviation of the samples for channels without their own, in the unit of each
+      column: a number, or one for each row.
     - `missing`: "drop" omits samples that are not numbers; "refuse" raises an error.
     - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+
+    **Returns:** `Measurements` whose series have the names of the columns.
 
     **Raises:** `ValueError` for a missing column, a column without a unit or with a unit of another
     dimension, for text and NaN, times that don't rise, and noise that is not positive.
@@ -166,7 +174,10 @@ def function_from_csv(
     - `time`, `time_unit`: the column of times, and its unit if the header has none.
     - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
-    **Raises:** `ValueError` as `read_csv` does.
+    **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
+
+    **Raises:** `ValueError` for a missing or repeated column, values that are not finite numbers,
+    times that don't rise, and a unit of another dimension.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
@@ -187,7 +198,8 @@ def function_from_csv(
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
     """Return a function that finds a column of a CSV file.
 
-    Its arguments are the column's name, and the name of the caller's argument, for errors.
+    The function receives the name of the column and the name of the user's argument in which it was
+    given, for error messages. `options` are those of `pandas.read_csv`.
     """
     table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
     headers = [_split(header) for header in _headers(path, table, options)]
@@ -211,12 +223,13 @@ def from_xarray(
     noise: ArrayLike | None = None,
     missing: Missing = "refuse",
 ) -> Measurements:
-    """Return measurements from the variables of a dataset.
+    """Return measurements from the variables of an xarray dataset.
 
-    Each variable has one dimension, whose coordinate has the times, in s or in the unit of the
+    Each variable has one dimension, whose coordinate contains the times, in s or in the unit of the
     coordinate's attribute "units". A variable's attribute "units" is the unit of its values.
 
-    **Arguments:** `channels`: `Channel` by variable; other arguments and errors as in `read_csv`.
+    **Arguments:** `channels`: `Channel` by name of the variable; other arguments, the result and
+    errors are as in `read_csv`.
 
     >>> import xarray as xr
     >>> data = xr.Dataset({"probe": ("t", [1.0, 2.0], {"units": "um"})}, coords={"t": [0.0, 0.1]})
@@ -273,7 +286,8 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _headers(path: str | Path, table: "pd.DataFrame", options: dict[str, Any]) -> list[Hashable]:
-    """Return the headers that the caller gives, or else those of the file, unchanged."""
+    """Return the header of each column: from the options "header" and "names" if given, or else as
+    written in the file, with repeated names unchanged."""
     if not {"header", "names"}.isdisjoint(options) or not len(table.columns):
         return list(table.columns)
     # pandas appends numbers to repeated headers, so the first line is read again as data.
@@ -283,7 +297,7 @@ def _headers(path: str | Path, table: "pd.DataFrame", options: dict[str, Any]) -
 
 
 def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
-    """Yield names and channels, and check each channel."""
+    """Yield pairs (name, channel), after a check that each is a `Channel` with a valid name."""
     remedy = "pass cj.Channel(quantity, noise=...)"
     require_names("channels", channels, remedy)
     for name, channel in channels.items():
@@ -293,7 +307,8 @@ def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Return name and unit of a header such as "x [mm]"."""
+    """Return the name and unit of a header such as "x [mm]"; the unit is ``None`` without
+    brackets."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None
@@ -305,7 +320,10 @@ def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> N
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:
-    """Return times in s, and check that they rise."""
+    """Return the times of a column in s, (rows,); raise a `ValueError` if they don't rise.
+
+    `unit`: unit of the times if the table has none.
+    """
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
@@ -343,7 +361,10 @@ def _series(
 
 
 def _unit(channel: Channel, column: _Column) -> str:
-    """Return the column's unit, from the table or from its channel."""
+    """Return the column's unit, from the table or from its channel.
+
+    **Raises:** `ValueError` if neither has a unit, or if the two differ.
+    """
     unit = column.unit if column.unit is not None else channel.unit
     if unit is None:
         raise ValueError(
@@ -358,7 +379,7 @@ def _unit(channel: Channel, column: _Column) -> str:
 
 
 def _within(column: _Column, make: Callable[[], T]) -> T:
-    """Return the result of a function, and add the column's name to its errors."""
+    """Return ``make()``; prefix the message of its `ValueError` with the column's description."""
     try:
         return make()
     except ValueError as error:

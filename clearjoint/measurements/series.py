@@ -1,4 +1,4 @@
-"""Measured series: channel, times, values, unit and noise."""
+"""Measured series: quantity, times, values, unit and noise."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Series(AbstractReadable):
-    """Samples of one channel, in SI.
+    """Samples of one measured quantity, converted to SI.
 
     **Arguments:**
 
@@ -30,13 +30,16 @@ class Series(AbstractReadable):
       angle, residuals are taken modulo the period.
     - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
-    - `noise`: standard deviation in `unit`: a number, or (N,).
+    - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
     - `unit`: unit of `values` and `noise`, any that pint knows; by default that of the channel. It
       is required for a user-defined function, which has no unit; the function must return the SI
       unit of the same dimension.
-    - `name`: name of the series in errors.
+    - `name`: name of the series in error messages.
 
-    **Raises:** `ValueError` for invalid values.
+    The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
+
+    **Raises:** `ValueError` for shapes that differ, values that are not finite, times that don't
+    rise, noise that is not positive, and a unit of another dimension than the channel's.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -96,20 +99,23 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """Period of the channel, such as 2 pi for an angle; ``None`` if it has none."""
+        """Period of the quantity in SI, such as 2 pi rad for an angle; ``None`` without a
+        period."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
         return len(self.times)
 
     def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
-        """Return (prediction - values) / noise, (N,).
+        """Return (prediction - values) / noise, (N,), without unit.
 
         For a channel with a period, the nearest multiple of the period is subtracted from the
         difference, so that -pi and pi agree.
 
-        **Arguments:** `prediction`: (N,) the channel at `times`, SI. For a NumPy array the result
-        is a NumPy array.
+        **Arguments:** `prediction`: (N,) the quantity at `times`, SI. The result is a NumPy array
+        for a NumPy array, and a JAX array for a JAX array.
+
+        **Raises:** `ValueError` for a prediction of another shape.
         """
         given = prediction, self.values, self.noise
         traced = any(concrete(each) is None for each in given)
@@ -125,9 +131,9 @@ class Series(AbstractReadable):
         return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
-        """Return the series with normally distributed noise added.
+        """Return a copy with normally distributed noise, of standard deviation `noise`, added.
 
-        If the values are a prediction, these are synthetic measurements.
+        A series of predicted values becomes a series of synthetic measurements.
         """
         drawn = self.values + self.noise * generator.standard_normal(len(self))
         return self._of(self.times, drawn, self.noise)
@@ -146,16 +152,19 @@ class Series(AbstractReadable):
 def require_each(
     fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
-    """Check every entry of a row; the error names the first wrong one."""
+    """Raise a `ValueError` that names the first entry of `values` where `fine` is false; both
+    (N,)."""
     if not fine.all():
         k = int(np.argmin(fine))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
 
 
 class Measurements(AbstractReadable):
-    """Series by name.
+    """Measured series by name, such as all records of one experiment.
 
-    **Arguments:** `series`: a dictionary of `Series`, at least one.
+    **Arguments:** `series`: a dictionary of `Series`, at least one; their times may differ.
+
+    **Raises:** `ValueError` for an empty dictionary, and for an entry that is not a `Series`.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> encoder = cj.Series(angle, [0.0, 0.1, 0.2], [1.0, 1.1, 1.3], noise=0.01)
@@ -178,11 +187,11 @@ class Measurements(AbstractReadable):
         return self.series[name]
 
     def times(self) -> Float[np.ndarray, " T"]:
-        """Return the times of all samples, rising, s."""
+        """Return the times at which any series has a sample, (T,) s, rising, each time once."""
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 
     def between(self, start: float, end: float) -> "Measurements":
-        """Return the samples with start <= time < end, s.
+        """Return the measurements with only the samples with start <= time < end, s.
 
         Adjacent windows share no samples. Series without samples in the window are left out.
 
@@ -209,13 +218,18 @@ class Measurements(AbstractReadable):
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return the measurements with normal noise, of the stated deviation, added."""
+        """Return a copy with normally distributed noise added, of each series' standard
+        deviation."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with units: each series, and its noise as "<name>_noise".
+        """Return an `xarray.Dataset` with the series by name, and their noise as "<name>_noise", in
+        SI.
 
-        The dimension is "time" if all series have the same times, otherwise "<name>_time".
+        The dimension of all variables is "time", s, if all series have the same times; otherwise it
+        is "<name>_time".
+
+        **Raises:** `ValueError` if the name of a series is also that of a dimension or of a noise.
         """
         import xarray as xr
 
@@ -223,6 +237,7 @@ class Measurements(AbstractReadable):
         shared = all(np.array_equal(first, times) for times in others)
         variables, coordinates = {}, {}
         for name, series in self.series.items():
+            # A dimension has one row of times: series with other times need their own.
             dimension, noise = "time" if shared else f"{name}_time", f"{name}_noise"
             attributes = {"units": series.unit, "ancillary_variables": noise}
             deviation = {"units": series.unit, "long_name": "one standard deviation"}

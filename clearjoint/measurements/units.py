@@ -1,6 +1,7 @@
-"""Conversion of units to SI by pint and its application registry.
+"""Conversion of units to SI by pint.
 
-Units that a user defines there (`pint.get_application_registry().define`) are accepted.
+The units are those of pint's application registry, in which users can define their own
+(`pint.get_application_registry().define`).
 """
 
 import math
@@ -15,15 +16,19 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of all powers in a unit. Without a limit, integers would exhaust the memory."""
+"""Largest product of all powers in a unit. Without a limit, pint would compute integers that
+exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Return the factor from a unit to SI, and the SI unit.
+    """Return the factor that converts values in `unit` to SI, and the SI unit as text.
 
-    **Arguments:** `si`: the SI unit; ``None`` for the SI base unit of the same dimension.
+    **Arguments:**
+
+    - `unit`: any unit that pint knows.
+    - `si`: the SI unit to convert to; ``None`` for the SI base unit of the same dimension.
 
     **Raises:** `ValueError` for an unknown unit, a unit of another dimension, and a unit that is
     not a multiple of the SI unit, such as a level in dB.
@@ -39,6 +44,7 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     # To pint, a radian is dimensionless, so that 1 Hz would silently become 1 rad/s.
     cycles = "hertz" in str(source) and "radian" in str(target)
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
+    # A level or a temperature in degrees Celsius has no single factor: it would convert wrongly.
     zero, one, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
     linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")

@@ -1,2 +1,2 @@
-"""Numbers of a scene by their paths: list, replace, scale and vary them, and build the family of
-scenes that parameters span. This package runs no simulation."""
+"""Numbers of a scene, selected by paths: list, replace, scale and vary numbers, and make the scene
+and initial state from parameters. This package runs no simulation."""

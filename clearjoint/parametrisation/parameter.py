@@ -23,20 +23,25 @@ from .variations import (
 
 @dataclass(frozen=True, init=False)
 class Parameter:
-    """A number of the scene that is estimated, and the scale of the estimate.
+    """A number of the scene that a fit estimates, and the scale of the estimate.
 
     **Arguments:**
 
-    - `path`: path of the number, such as ``lambda scene: scene.joints["pin"].clearance``. A path
-      that returns several numbers ties them: they share one value.
+    - `path`: function that selects the number in a scene, such as
+      ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
+      them: they share one value.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
-      numbers between bounds. Derivatives are with respect to the scale's coordinate.
-    - `value`: first guess; by default the value in the scene.
-    - `unit`: a label; by default the unit of the number in the scene.
+      numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
+      coordinates, and derivatives are with respect to them.
+    - `value`: first guess, SI; by default the value in the scene.
+    - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
+      in the scene.
 
     `Parameter.initial` takes a path in the initial state, `Parameter.change` a function that makes
     scene and state from a value, and `Parameter.delay` the names of measured series whose clock is
     late.
+
+    **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
     >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)
@@ -73,14 +78,26 @@ class Parameter:
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """Return a parameter that is a number of the initial state."""
+        """Return a parameter that is a number of the initial state.
+
+        **Arguments:** `path`: function that selects the number in a `State`, such as
+        ``lambda state: state.bodies["arm"].spin[2]``. The others are as in `Parameter`.
+        """
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod
     def change(
         make: Change, value: float, scale: AbstractScale | None = None, unit: str = "1"
     ) -> "Parameter":
-        """Return a parameter from whose value ``make(scene, state, value)`` makes both."""
+        """Return a parameter whose value enters the scene and the initial state through a function.
+
+        **Arguments:**
+
+        - `make`: function that receives the scene, the initial state and a value, and returns the
+          changed pair (scene, state).
+        - `value`: first guess, in `unit`; required, because the scene has no such number.
+        - `scale`, `unit`: as in `Parameter`.
+        """
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
     @staticmethod
@@ -111,9 +128,9 @@ class Parameter:
         return Parameter(SeriesDelay(series), scale, value=value)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """Return the coordinate of `value`; if that is ``None``, of the value in the scene.
+        """Return the scale's coordinate of `value`, or of the scene's value if `value` is ``None``.
 
-        **Raises:** `ValueError` for a value outside the scale.
+        **Raises:** `ValueError` for a value that the scale doesn't allow.
         """
         value = self.value
         if value is None and isinstance(self.variation, AbstractNumber):
@@ -126,7 +143,7 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check that the argument is a dictionary of parameters by name.
+    """Check that the argument is a dictionary of `Parameter` by name.
 
     **Raises:** `ValueError` that names the wrong entry.
     """
@@ -137,10 +154,13 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the largest change (p,) of each coordinate in one step of a fit."""
+    """Return the largest change of each parameter's coordinate in one step of a fit, (p,).
+
+    The limit is `AbstractScale.max_step`; it may be infinite.
+    """
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the coordinates (p,) of the parameters' values; see `Parameter.coordinate_in`."""
+    """Return the coordinates of all parameters, (p,), each from `Parameter.coordinate_in`."""
     return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

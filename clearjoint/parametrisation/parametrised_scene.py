@@ -1,4 +1,4 @@
-"""A scene and its initial state as functions of parameters, and derivatives along them."""
+"""A scene and its initial state as functions of parameters, and derivatives by the parameters."""
 
 import abc
 from collections.abc import Callable, Mapping
@@ -24,9 +24,9 @@ Coordinates = jax.Array | np.ndarray
 
 
 class AbstractFamily(eqx.Module):
-    """A scene and its initial state as functions of p parameters.
+    """A scene and its initial state as functions of the coordinates of p parameters.
 
-    `values`: (p,) coordinates at which the functions and their derivatives are evaluated.
+    `values`: (p,) coordinates at which `pushed` evaluates functions and their derivatives.
     """
 
     values: eqx.AbstractVar[Coordinates]
@@ -45,16 +45,18 @@ class AbstractFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function and its derivatives with respect to the parameters (forward mode).
+        """Compute a function of the scene and its derivatives by the parameters, in forward mode.
 
         **Arguments:**
 
         - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
           differentiated, and an auxiliary result, which is not.
-        - `primals`: arguments that follow the scene; they may depend on the parameters.
-        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
+        - `primals`: further arguments of the function, after the scene; they may depend on the
+          parameters.
+        - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
 
-        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
+        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
+        array. Derivatives are by the coordinates, not by the values.
         """
 
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
@@ -66,6 +68,8 @@ class AbstractFamily(eqx.Module):
             )
 
         count = len(self.values)
+        # One column of the identity for each parameter: vmap computes the value once for all
+        # derivatives.
         value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
             jnp.eye(count), tangents
         )
@@ -97,7 +101,7 @@ class ParametrisedScene(AbstractFamily):
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
         """Return scene and initial state at coordinates (p,).
 
-        They are packed: vectors are arrays (3,), not three scalars.
+        Their vectors are arrays (3,), not three separate scalars.
         """
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
@@ -141,7 +145,10 @@ class ParametrisedScene(AbstractFamily):
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """Return a scene and its initial state as functions of parameters, at coordinates (p,)."""
+    """Return a scene and its initial state as functions of p parameters.
+
+    `values`: (p,) coordinates at which derivatives are computed.
+    """
     scene, state = with_arrays((scene, state))
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())

@@ -1,6 +1,6 @@
 """Paths of numbers: find, list and replace the numbers of a scene or a state.
 
-A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. A path may return one
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
@@ -20,7 +20,8 @@ from ..fields.checks import as_number, concrete, require
 from ..fields.suggestions import nearest
 
 NumberPath = Callable[[PyTree], PyTree]
-"""From a scene or a state to one of its numbers, or to several tied numbers."""
+"""Function that receives a scene or a state and returns one of its numbers, or several numbers that
+are tied."""
 Index = int | slice | EllipsisType
 Leaf = jax.Array | np.ndarray | float
 """A number or an array of a scene or a state."""
@@ -28,10 +29,10 @@ Leaf = jax.Array | np.ndarray | float
 
 @dataclass(frozen=True)
 class Number:
-    """Location of a number in a scene or a state.
+    """Location of a number in a scene or a state, which are PyTrees.
 
-    - `leaf`: index of the leaf of the PyTree.
-    - `component`: indices into that leaf, for a component of an array.
+    - `leaf`: index of the array in the list of `jax.tree.leaves`.
+    - `component`: indices into that array; empty for the whole array.
     """
 
     leaf: int
@@ -46,9 +47,9 @@ class Number:
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
-    """Return the locations of the numbers at a path.
+    """Return the locations of the numbers that a path selects in a scene or state.
 
-    **Raises:** `ValueError` if the path returns anything else.
+    **Raises:** `ValueError` if the path returns a computed value, an element, or nothing.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -102,7 +103,10 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return the tree with the value at each of the numbers, as `set_value` does."""
+    """Return a copy of a scene or state with `value` at each of the locations `numbers`.
+
+    **Raises:** `ValueError` for a value of another shape than the number.
+    """
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
     require_fits(leaves, numbers, value)
@@ -112,7 +116,12 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
-    """Check that the numbers exist in the leaves of a tree and have the shape of the value."""
+    """Check that the located numbers exist and have the shape of the value.
+
+    `leaves`: the list of `jax.tree.leaves` of the scene or state.
+
+    **Raises:** `ValueError` otherwise.
+    """
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         require(
@@ -125,7 +134,8 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
-    """Return the value at a path; for tied numbers, the value of the first."""
+    """Return the value that a path selects in a scene or state; of tied numbers, the first
+    value."""
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     return leaf[number.component] if number.component else leaf
@@ -152,13 +162,16 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
-    """Return the unit of the numbers at a path; "1" if they have none."""
+    """Return the SI unit, as text, of the number that a path selects; "1" for a number without
+    unit."""
     index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 
 
 def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
-    """Return the value and unit of all numbers of a scene or state, by name.
+    """Return all numbers of a scene or state by name, each as a pair (value, SI unit as text).
+
+    The name is a Python expression, such as "joints['shoulder'].clearance".
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> [name for name in cj.parameters(scene) if "clearance" in name]
@@ -168,7 +181,7 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each leaf, in the order of the PyTree."""
+    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`."""
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):

@@ -1,4 +1,7 @@
-"""Scales: unbounded coordinates of about unit size, in which parameters are estimated."""
+"""Scales: maps between a parameter's value and the unbounded coordinate in which a fit works.
+
+Coordinates are of the order of 1, so that parameters of different units can be compared.
+"""
 
 import abc
 import math
@@ -17,8 +20,9 @@ from ..math.vectors import Scalar, library
 class AbstractScale(abc.ABC):
     """A map from the real numbers, the coordinates, to the values that a parameter may have.
 
-    `max_step`: largest change of the coordinate in one step of a fit. The numbers of a scale are
-    constants of the compiled program: other numbers cause a recompilation.
+    A subclass defines `value`, `coordinate` and `max_step`, the largest change of the coordinate in
+    one step of a fit. Fields of a scale, such as bounds, are constants of the compiled program: a
+    scale with other fields causes a recompilation.
 
     ```python
     from dataclasses import dataclass
@@ -44,34 +48,38 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the value of the parameter at a coordinate."""
+        """Return the parameter's value at a coordinate; JAX must be able to differentiate the
+        function."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return the coordinate of a value.
+        """Return the coordinate at which the parameter has a given value.
 
-        **Raises:** `ValueError` for a value outside the scale.
+        **Raises:** `ValueError` for a value that the scale doesn't allow.
         """
 
     def slope(self, coordinate: Scalar) -> np.ndarray:
-        """Return the derivative of the value with respect to the coordinate, ()."""
+        """Return the derivative of the value by the coordinate, an array of shape ()."""
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return the standard deviation above which an estimate carries no information.
+        """Return the standard deviation of the coordinate from which on an estimate says nothing.
 
         The default is 1, the usual size of coordinates.
         """
         return 1.0
 
     def label(self, name: str) -> str:
-        """Return the label of the coordinate of a parameter; by default its name."""
+        """Return text that names the coordinate of the parameter `name`; by default the name
+        itself."""
         return name
 
 
 @dataclass(frozen=True)
 class Linear(AbstractScale):
     """Scale of any value: value = unit * coordinate.
+
+    **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
 
     >>> cj.Linear(unit=0.5).value(3.0)
     1.5
@@ -92,7 +100,7 @@ class Linear(AbstractScale):
         return _finite(value) / self.unit
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate))."""
+        """Return max(1, abs(coordinate)): a relative error of 1, but at least `unit`."""
         return max(1.0, abs(float(coordinate)))
 
     def label(self, name: str) -> str:
@@ -116,19 +124,26 @@ class Log(AbstractScale):
         return library((coordinate,)).exp(coordinate)
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return log(value)."""
+        """Return log(value).
+
+        **Raises:** `ValueError` for a value that is not positive.
+        """
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
         return math.log(number)
 
     def label(self, name: str) -> str:
-        """Return "log" and the name."""
+        """Return "log" and the name, such as "log stiffness"."""
         return f"log {name}"
 
 
 @dataclass(frozen=True)
 class Bounded(AbstractScale):
     """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
+
+    **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
+
+    **Raises:** `ValueError` unless low < high.
 
     >>> scale = cj.Bounded(0.0, 1.0)
     >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
@@ -151,7 +166,10 @@ class Bounded(AbstractScale):
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return log((value - low)/(high - value))."""
+        """Return log((value - low)/(high - value)).
+
+        **Raises:** `ValueError` for a value that is not between the bounds.
+        """
         number = _finite(value)
         inside = self.low < number < self.high
         bounds = f"between {self.low} and {self.high}"
@@ -159,11 +177,12 @@ class Bounded(AbstractScale):
         return math.log((number - self.low) / (self.high - number))
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return pi/sqrt(3), the standard deviation for a value uniform between the bounds."""
+        """Return pi/sqrt(3), the standard deviation of the coordinate of a value that is uniformly
+        distributed between the bounds."""
         return math.pi / math.sqrt(3.0)
 
     def label(self, name: str) -> str:
-        """Return "logit" and the name."""
+        """Return "logit" and the name, such as "logit friction"."""
         return f"logit {name}"
 
 

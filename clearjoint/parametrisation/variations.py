@@ -1,7 +1,7 @@
-"""Variations: the quantities that a sweep varies and a fit estimates.
+"""Variations: ways in which one value, of a sweep's axis or a fit's parameter, enters a run.
 
-A variation is a number of the scene, a number of the initial state, a function that makes both from
-a value, or the delay of a measured series.
+The value may be a number of the scene, a number of the initial state, the argument of a function
+that makes both, or the delay of a measured series.
 """
 
 import abc
@@ -19,21 +19,22 @@ from ..model.scene import Scene
 from .paths import Number, NumberPath, numbers_at, require_fits, set_values, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
-"""From a scene, its initial state and a value to the scene and state with that value."""
+"""Function that receives a scene, its initial state and a value, and returns the pair (scene,
+state) with that value."""
 
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way to set a value in a scene and its initial state."""
+    """A way in which a value changes a scene and its initial state."""
 
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function: the path of a number, or the function that makes the scene."""
+        """The user's function: the path of a number, or the function that makes scene and state."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Unit of the value."""
+        """Return the unit of the value as text; the scene and state are those before the change."""
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
@@ -48,7 +49,11 @@ class AbstractVariation(abc.ABC):
 
 @dataclass(frozen=True)
 class AbstractNumber(AbstractVariation):
-    """A number, or several tied numbers, at a `path` in the scene or the initial state."""
+    """A number, or several tied numbers, that a path selects in the scene or the initial state.
+
+    - `path`: function of the scene or state that returns the number.
+    - `unit`: text that labels the value; ``None`` for the number's SI unit.
+    """
 
     path: NumberPath
     unit: str | None = None
@@ -60,19 +65,22 @@ class AbstractNumber(AbstractVariation):
     @staticmethod
     @abc.abstractmethod
     def tree(scene: Scene, state: State) -> Scene | State:
-        """The tree that contains the number."""
+        """Return the argument of `path`: the scene or the state."""
 
     @property
     def function(self) -> NumberPath:
-        """The path of the number."""
+        """The user's path of the number."""
         return self.path
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The given unit, or else the unit of the number."""
+        """Return `unit`, or the SI unit of the number if `unit` is ``None``."""
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a function that sets a value at the path."""
+        """Return a `NumberSetter` that sets values of the shape of `example` at the path.
+
+        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape.
+        """
         tree = self.tree(scene, state)
         numbers = numbers_at(tree, self.path)
         require_fits(jax.tree.leaves(tree), numbers, as_number(example))
@@ -87,7 +95,7 @@ class SceneNumber(AbstractNumber):
 
     @staticmethod
     def tree(scene: Scene, state: State) -> Scene:
-        """The scene."""
+        """Return the scene."""
         return scene
 
 
@@ -99,13 +107,16 @@ class StateNumber(AbstractNumber):
 
     @staticmethod
     def tree(scene: Scene, state: State) -> State:
-        """The state."""
+        """Return the initial state."""
         return state
 
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A value from which ``make(scene, state, value)`` makes scene and state."""
+    """A value from which the function ``make(scene, state, value)`` makes the pair (scene, state).
+
+    `unit`: text that labels the value.
+    """
 
     make: Change
     unit: str = "1"
@@ -120,7 +131,7 @@ class MadeByFunction(AbstractVariation):
         return self.make
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """The given unit."""
+        """Return `unit`."""
         return self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
@@ -131,27 +142,26 @@ class MadeByFunction(AbstractVariation):
 
 @dataclass(frozen=True)
 class SeriesDelay(AbstractVariation):
-    """Delay, s, of the time stamps of the measured `series`, given by name.
+    """Delay, s, of the time stamps of measured series.
 
-    It changes no scene: only fits, which have measurements, can use it.
+    The delay changes no scene: only fits, which have measurements, can use it.
+
+    `series`: names of the series in `Measurements`.
     """
 
     series: tuple[str, ...]
 
     @property
     def function(self) -> Callable[..., PyTree]:
-        """A function that leaves the scene unchanged."""
+        """Function that returns scene and state unchanged."""
         return unchanged
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Seconds."""
+        """Return "s"."""
         return "s"
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Raise an error, because a scene has no such number.
-
-        **Raises:** `ValueError`.
-        """
+        """Raise a `ValueError`, because a scene has no such number."""
         del scene, state, example
         series = ", ".join(map(repr, self.series))
         raise ValueError(
@@ -161,20 +171,24 @@ class SeriesDelay(AbstractVariation):
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """Return the scene and the state unchanged."""
+    """Return the pair (scene, state) unchanged; `value` has no effect."""
     del value
     return scene, state
 
 
 @dataclass(frozen=True)
 class NumberSetter:
-    """A `Change` that sets a value at given numbers of the scene (`in_scene`) or of the state."""
+    """A `Change` that sets the value at given locations in the scene or in the state.
+
+    - `numbers`: the locations.
+    - `in_scene`: whether the locations are in the scene; otherwise they are in the state.
+    """
 
     numbers: tuple[Number, ...]
     in_scene: bool
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return scene and state with the value."""
+        """Return the pair (scene, state) with `value` at all locations."""
         if self.in_scene:
             return set_values(scene, list(self.numbers), value), state
         return scene, set_values(state, list(self.numbers), value)

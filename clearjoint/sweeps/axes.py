@@ -41,18 +41,22 @@ from ..parametrisation.variations import (
 
 @dataclass(frozen=True, eq=False, init=False)
 class Axis:
-    """A number of the scene and the values that a sweep gives it.
+    """A number of the scene or of the initial state, and the values that a sweep gives it.
 
     **Arguments:**
 
-    - `path`: path of the number, such as ``lambda scene: scene.joints["pin"].clearance``, or a
-      variation (`clearjoint.parametrisation.variations`). A path that returns several numbers
-      gives all of them the same value.
-    - `values`: (n,), in the unit of the number.
-    - `unit`: a label; by default the unit of the number in the scene.
+    - `path`: function that selects the number in a scene, such as
+      ``lambda scene: scene.joints["pin"].clearance``, or a variation
+      (`clearjoint.parametrisation.variations`). A path that returns several numbers gives all of
+      them the same value.
+    - `values`: (n,), in the SI unit of the number; n lanes, or more in combination with other axes.
+    - `unit`: text that labels the values in the results and converts nothing; by default the unit
+      of the number in the scene.
 
     `Axis.initial` takes a path in the initial state. `Axis.change` takes a function that makes
     scene and state from a value, for parameters on which several numbers depend, such as lengths.
+
+    **Raises:** `ValueError` for values that are not a row of finite numbers.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
     >>> axis.values.shape
@@ -80,36 +84,55 @@ class Axis:
 
     @staticmethod
     def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
-        """Return an axis of a number of the initial state with values (n,)."""
+        """Return an axis of a number of the initial state.
+
+        **Arguments:** `path`: function that selects the number in a `State`, such as
+        ``lambda state: state.bodies["arm"].spin[2]``. `values` (n,) and `unit`: as in `Axis`.
+        """
         return Axis(StateNumber(path, unit), values)
 
     @staticmethod
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
-        """Return an axis from whose values (n,) ``make(scene, state, value)`` makes both."""
+        """Return an axis whose values enter the scene and the initial state through a function.
+
+        **Arguments:**
+
+        - `make`: function that receives the scene, the initial state and one value, and returns the
+          changed pair (scene, state). It may change numbers only, not names or shapes of arrays.
+        - `values`: (n,), in `unit`.
+        - `unit`: text that labels the values in the results.
+        """
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values."""
+        """Return the unit of the axis's values as text: the given label, or the number's SI
+        unit."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
-        """Return a function that sets a value in scenes and states of the same structure."""
+        """Return a function of (scene, state, value) that returns the pair with the value set.
+
+        It accepts scenes and states of the same structure as `scene` and `state`.
+        """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return the kind of variation and its function, as text."""
+        """Return text with the class name of the variation and a description of the user's
+        function."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
 @dataclass(frozen=True)
 class Lanes:
-    """The scenes and states of all lanes.
+    """The scenes and initial states of all lanes of a sweep.
 
-    - `scene`, `state`: the scene and state that the axes vary.
-    - `varied`: the scene with each leaf replaced by whether it differs between lanes.
-    - `scenes`: the scene with its varied leaves, (lanes, ...) each, and ``None`` for the others.
-    - `states`: the state with all leaves, (lanes, ...) each.
-    - `bad`: error message by lane, for lanes with invalid values.
+    - `scene`, `state`: the scene and initial state that the user passed.
+    - `varied`: PyTree like `scene`; a leaf is ``True`` where the number differs between lanes.
+    - `scenes`: PyTree like `scene`; a varied leaf is an array (lanes, ...), another leaf is
+      ``None``.
+    - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
+    - `bad`: error message by number of the lane, for lanes with invalid values. These lanes don't
+      run; their arrays contain the values of `scene` and `state`.
     """
 
     scene: Scene
@@ -120,7 +143,10 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Return the joints with contacts, in scalar form with numpy arrays (lanes,)."""
+        """Return the joints with contacts by name, as they are in all lanes.
+
+        Each number of a joint becomes an array (lanes,); vectors are split into their components.
+        """
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
         count = len(jax.tree.leaves(self.states)[0])
@@ -131,7 +157,8 @@ class Lanes:
         return unpack(jax.tree.map(in_all, joints, varied), leading=1)
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return scene and state of a lane."""
+        """Return the pair (scene, initial state) of the lane with the number `lane`, counted
+        from 0."""
         scene = jax.tree.map(
             lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
             self.scene,
@@ -144,9 +171,16 @@ class Lanes:
 def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
-    """Return scene and state of every lane.
+    """Return the scenes and initial states of all lanes.
 
-    `values[name]` (lanes,) are the values of the axis `name`.
+    Values that the constructors of a scene's elements refuse don't raise an error; their lanes are
+    listed in `Lanes.bad`.
+
+    **Arguments:**
+
+    - `scene`, `state`: the scene and initial state that the axes change.
+    - `axes`: `Axis` by name.
+    - `values`: by name of the axis, its values in every lane, (lanes,).
     """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
@@ -195,8 +229,8 @@ def lanes_of(
 
 
 Columns = list[np.ndarray | None]
-"""For each leaf of scene and state its values in all lanes, (lanes, ...); ``None`` if no axis
-changes it."""
+"""For each leaf of (scene, state), in the order of `jax.tree.leaves`, its values in all lanes,
+(lanes, ...); ``None`` for a leaf that no axis changes."""
 
 
 def _columns_by_setters(
@@ -205,12 +239,16 @@ def _columns_by_setters(
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """Compute the columns if every axis sets numbers at paths: whole columns at once."""
+    """Return the columns if every axis sets numbers at paths, without a loop over lanes.
+
+    `base` has the leaves of (scene, state); `changes` has the setter of each axis by name.
+    """
     columns: Columns = [None] * len(base)
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
         assert isinstance(setter, NumberSetter)
         for number in setter.numbers:
+            # `base` has the leaves of the scene first, then those of the state.
             k = number.leaf if setter.in_scene else scene_leaves + number.leaf
             row, column = values[name], columns[k]
             if column is None:
@@ -227,7 +265,10 @@ def _columns_by_functions(
     values: Mapping[str, np.ndarray],
     bad: dict[int, str],
 ) -> Columns:
-    """Compute the columns, lane by lane, with users' functions; add lanes with errors to `bad`."""
+    """Return the columns by calling the axes' functions for every lane.
+
+    A lane whose function raises a `ValueError` gets the unchanged leaves and an entry in `bad`.
+    """
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):
@@ -239,6 +280,7 @@ def _columns_by_functions(
             leaves, changed_structure = jax.tree.flatten(changed)
             pairs = zip(leaves, base, strict=False)
             require(
+                # All lanes run in one compiled program, which needs equal structure and shapes.
                 changed_structure == structure
                 and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
                 "axes",
@@ -259,11 +301,16 @@ def _columns_by_functions(
 
 
 FEW = 16
-"""Largest number of lanes that are checked in Python alone: compiling the checks takes longer."""
+"""Largest number of lanes whose values are checked in Python only, in which compilation of the
+checks would take longer than the checks."""
 
 
 def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
-    """Return whether each lane is known to pass its checks, (lanes,)."""
+    """Return an array of bool, (lanes,): ``True`` where compiled checks accept the lane's values.
+
+    ``False`` means that the lane must be checked in Python, whether its values are valid or not.
+    The array is empty if no leaf changes.
+    """
     varied = [column for column in columns if column is not None]
     if not varied:
         return np.ones(0, bool)
@@ -280,9 +327,11 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Return whether the checks of all modules with changed leaves hold.
+    """Return one condition: whether the elements with changed leaves pass their constructors'
+    checks.
 
-    ``None`` if a check needs the values of numbers, which are unknown during tracing.
+    `changed` has one entry for each leaf of (scene, state). **Returns:** ``None`` if a check needs
+    the values of numbers, which are unknown while JAX traces the function.
     """
     tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
@@ -295,9 +344,9 @@ _checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
-    """Return the scene with each leaf replaced by whether the axes can change it.
+    """Return a PyTree like the scene whose leaves are ``True`` where an axis can change the number.
 
-    Unlike `Lanes.varied`, this also marks leaves that are equal in all present lanes.
+    Unlike `Lanes.varied`, it also marks leaves that happen to be equal in all present lanes.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Tracer = Callable[[], Mapping[str, str]]
-"""Returns digests of the programs that the calling process would run."""
+"""Function that returns digests, by name, of the programs that the calling process would run."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
 """Time, s, without a result after which a warning is logged if no progress bar is shown."""
@@ -43,9 +43,15 @@ def compute_missing(
     threads: int | None,
     progress: bool,
 ) -> "xr.Dataset":
-    """Run the lanes that are missing in the store, and return all its results.
+    """Run the lanes that are missing in the store, and return the results of all lanes.
 
-    **Arguments:** `trace` as in `Chunks`; `executor`, `threads` and `progress` as in `sweep`.
+    **Arguments:**
+
+    - `work`: the lanes of the sweep.
+    - `store`: where results are kept.
+    - `trace`: function that returns digests of the programs, with which worker processes check that
+      they have the same code; ``None`` for no check.
+    - `executor`, `threads`, `progress`: as in `sweep`.
     """
     try:
         # Another process that writes to the same chunks may discard lanes that were written here:
@@ -150,7 +156,8 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write ended lanes of incomplete chunks if they fill a chunk or `WRITE_PERIOD` is over."""
+        """Write ended lanes of incomplete chunks if they fill a chunk or wait for `WRITE_PERIOD`
+        seconds."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # Each write replaces whole chunks, which is slow on a slow disk: the time since the last
@@ -159,7 +166,7 @@ class _Writer:
             self.write_all()
 
     def write_all(self) -> None:
-        """Write all lanes that have ended and are not yet written."""
+        """Write the results of all lanes that have ended and are not yet written."""
         start = time.monotonic()
         for chunk in list(self._waiting):
             self._write(chunk)
@@ -174,10 +181,12 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a bar of the stored lanes and the time left, shown after two seconds.
+    """Return a progress bar of the stored lanes, with the time left, as a context manager.
 
-    Use it as a context; `update(n)` counts n more lanes. If `done` lanes were stored before, a line
-    says so.
+    The bar appears after two seconds; its method `update(n)` counts n more lanes.
+
+    **Arguments:** `lanes`: number of lanes of the sweep; `done`: number of lanes that were stored
+    before, of which a line tells if it is not zero; `show`: whether to show anything.
     """
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
@@ -195,7 +204,7 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 
 
 def show_running(bar: tqdm, running: Running) -> None:
-    """Show in a bar the times that the running lanes have reached, and the time left."""
+    """Show in a progress bar which times, s, the running lanes have reached, and the time left."""
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"

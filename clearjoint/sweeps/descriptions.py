@@ -1,4 +1,4 @@
-"""Description of a sweep as texts: settings that identify it, and notes for readers."""
+"""Description of a sweep as texts: settings that a store compares, and notes for readers."""
 
 from collections.abc import Callable, Mapping
 
@@ -15,7 +15,10 @@ from .outputs import Output
 
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
-    """Return the settings that a store compares: a sweep with other ones is another sweep."""
+    """Return, as texts by name, the settings that a store compares.
+
+    A sweep with other settings is another sweep: its lanes would have other numbers.
+    """
     numbers = {
         "start_time": start_time,
         "rtol": settings.rtol,
@@ -35,10 +38,10 @@ def notes_for_readers(
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """Return notes on the request and on the numbers that all lanes share.
+    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
 
-    A store does not compare them: the traced programs and the lanes' numbers identify the sweep
-    (see `clearjoint.sweeps.store.identity`).
+    A store does not compare these notes: the traced programs and the lanes' numbers identify the
+    sweep (see `clearjoint.sweeps.store.identity`).
     """
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     choices = {
@@ -61,7 +64,11 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
-    """Return the numbers of a scene or state that don't vary between lanes, by name."""
+    """Return, as texts by name, the numbers of a scene or state that all lanes share.
+
+    **Arguments:** `varied`: PyTree like `tree`, true where lanes differ; `name`: prefix of the
+    names.
+    """
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
     return {

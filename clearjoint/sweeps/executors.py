@@ -12,8 +12,9 @@ and on a cluster::
 
     with dask.distributed.Client("tcp://scheduler:8786") as client: ...
 
-The function is sent by cloudpickle, which supports closures and functions from notebooks. This
-process's runtime settings (`clearjoint.configure`) are sent with it, and worker processes use them.
+The function that computes a chunk is sent to workers by cloudpickle, which supports closures and
+functions from notebooks. This process's runtime settings (`clearjoint.configure`) are sent too, and
+worker processes use them.
 """
 
 import inspect
@@ -70,7 +71,12 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make a class with fields and, if `initialises`, a placeholder for its `__init__`."""
+    """Make an equinox class that has its fields from the start; a worker unpickles classes by this.
+
+    **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
+    arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
+    defines `__init__`, for which a placeholder is set.
+    """
     constructor, name, bases, namespace, *rest = arguments
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
@@ -85,7 +91,7 @@ def _placeholder(self: object) -> None:
 
 
 ChunkFunction = Callable[[int], LaneArrays]
-"""From the number of a chunk to its results."""
+"""Function that receives the number of a chunk and returns the results of its lanes."""
 RETRIES = 3
 """Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
 TICK = 1.0
@@ -95,17 +101,18 @@ QUEUED = 2
 
 
 class AbstractSubmitter(Protocol):
-    """A `concurrent.futures.Executor` or a `dask.distributed.Client`."""
+    """Interface of executors: a `concurrent.futures.Executor` or a `dask.distributed.Client`."""
 
     def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
-        """Call a function on a worker, and return a future of its result."""
+        """Call `function(*arguments)` on a worker, and return a future of its result."""
         ...
 
 
 class ChunkError(RuntimeError):
-    """Error of chunks that could not be computed.
+    """Error of chunks of a sweep that could not be computed.
 
-    `chunks` are their numbers, `__cause__` is the first error.
+    - `chunks`: numbers of the chunks.
+    - `__cause__`: the first error.
 
     >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
     >>> error.chunks
@@ -126,21 +133,22 @@ def run_chunks(
 ) -> None:
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
-    `on_done` is called in this thread, for one chunk at a time, in the order in which they end.
+    `on_done` is called in this thread, for one chunk at a time, in the order in which chunks end.
     Only a few chunks at a time are submitted, and none after an error. An interrupt (Ctrl-C) or an
     error of `on_done` cancels the chunks that have not begun.
 
     **Arguments:**
 
-    - `task`: computes the results of a chunk from its number. Each process decodes it once.
+    - `task`: function that computes the results of a chunk from its number. Each process decodes
+      the function once.
     - `chunks`: numbers of the chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
-    - `on_done`: receives the results of a chunk.
-    - `on_start`: called every second until the first chunk has ended, with the time in seconds
-      since the first chunk was submitted.
+    - `on_done`: function of the number of a chunk and its results.
+    - `on_start`: function that is called every second until the first chunk has ended, with the
+      time in seconds since the first chunk was submitted.
 
-    **Raises:** `ValueError` if `executor` is neither, or forks its processes. `ChunkError` if a
-    chunk raises an error or its worker dies (with Dask: repeatedly), after the chunks already
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
+    a chunk raises an error or its worker dies (with Dask: repeatedly), after the chunks already
     submitted have ended and `on_done` has received their results.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
@@ -153,6 +161,8 @@ def run_chunks(
             for _ in range(min(room, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
+            # Before the first result workers start and compile, for which `on_start` is called
+            # every second.
             ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
             if not done and not ended:
                 on_start(time.monotonic() - started)
@@ -172,7 +182,7 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a Dask client, and the function that its workers call."""
+    """An executor or a Dask client, with the function that its workers call for each chunk."""
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
         _check(executor)
@@ -185,7 +195,8 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return the number of chunks to submit at a time; it varies with a cluster's workers."""
+        """Return how many chunks may be submitted and unfinished; a cluster's workers may come
+        and go."""
         if self._threads is not None:
             workers = sum(self._threads().values())
         else:
@@ -193,7 +204,7 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk; a broken executor gives a future with an error."""
+        """Submit a chunk and return its future, which has an error if the executor is broken."""
         try:
             return self._executor.submit(self._call, chunk)
         except BrokenExecutor as error:
@@ -221,9 +232,10 @@ def _check(executor: AbstractSubmitter) -> None:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings and the encoded function.
+    """Return the runtime settings and the encoded function as bytes.
 
-    The function is encoded separately, because a worker adopts the settings before it decodes it.
+    The function is encoded separately, because a worker adopts the settings before it decodes the
+    function.
     """
     file = io.BytesIO()
     _Pickler(file).dump(task)
@@ -259,7 +271,7 @@ def _end_with_parent() -> None:
 
 
 def _call(payload: bytes, chunk: int) -> LaneArrays:
-    """Compute a chunk in a worker."""
+    """Compute a chunk in a worker, from the bytes of `_payload`."""
     with _decoding:  # One thread decodes the task, and the others take it from the cache.
         task = _decoded(payload)
     try:

@@ -1,9 +1,9 @@
 """Layout of a sweep's results: shapes and labels, known before the sweep runs.
 
-The lanes of a sweep are numbered. They are all combinations of the axes' values, the last axis
-fastest, or, if zipped, the i-th lane has the i-th value of each axis. Lanes are computed and stored
-in chunks of equal size (the last may be shorter); the results of a chunk are a dictionary of arrays
-whose first dimension is the lanes of the chunk.
+The lanes of a sweep are numbered from 0. They are all combinations of the axes' values, the last
+axis fastest, or, if zipped, the i-th lane has the i-th value of each axis. Lanes are computed and
+stored in chunks of equal size (the last may be shorter); the results of a chunk are a dictionary of
+arrays whose first dimension is the lanes of the chunk.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,12 @@ Note = str | int | float | bool
 
 
 class Coordinate(NamedTuple):
-    """Labels along a dimension: `values` (n,), numbers or texts, in `unit` ("1" if none)."""
+    """Labels along a dimension of the results.
+
+    - `name`: name of the dimension.
+    - `values`: (n,) numbers or texts.
+    - `unit`: unit of the numbers; "1" if they have none.
+    """
 
     name: str
     values: np.ndarray
@@ -38,15 +43,19 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attribute "units" of the CF conventions, for numbers; no attribute for texts."""
+        """Attribute "units" of the CF conventions; empty for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
 class Variable(NamedTuple):
-    """An array of numbers for every lane: `dims` and `shape` are those after the lane dimension.
+    """A result of every lane, such as a peak force or a table of impacts.
 
-    Values that have not been computed are NaN, -1 in integers and false in truth values. `attrs`
-    are further attributes, for example the `flag_values` and `flag_meanings` of a code.
+    Entries that have not been computed are NaN, -1 in integers and false in truth values.
+
+    - `dims`, `shape`: names and sizes of the dimensions that follow the lane dimension.
+    - `dtype`: type of the entries, by NumPy's name.
+    - `unit`, `description`: texts for readers.
+    - `attrs`: further attributes, for example the `flag_values` and `flag_meanings` of a code.
     """
 
     dims: tuple[str, ...] = ()
@@ -58,13 +67,13 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """Value of entries that have not been computed."""
+        """Value of entries that have not been computed: NaN, -1 or false, by type."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Unit, description and further attributes by the CF conventions."""
+        """Unit, description and further attributes, named by the CF conventions."""
         return {"units": self.unit, "long_name": self.description, **self.attrs}
 
 
@@ -75,18 +84,19 @@ class Layout:
     **Arguments:**
 
     - `axes`: the swept values, one `Coordinate` for each axis.
-    - `chunk`: lanes in a chunk.
+    - `chunk`: number of lanes in a chunk.
     - `variables`: results by name. One is ``"result"``: a signed integer for each lane, zero or
-      positive. Its presence marks a lane as done.
+      positive, whose presence marks the lane as done.
     - `coordinates`: labels of the variables' other dimensions.
     - `settings`: settings on which the numbers depend: texts, numbers and truth values by name.
       Infinities and NaN, which JSON lacks, become texts.
     - `zipped`: whether the i-th lane has the i-th value of every axis; otherwise the lanes are all
       combinations.
-    - `notes`: texts, numbers and truth values for readers. A store ignores differences between
-      notes, for example in the name of a function.
+    - `notes`: texts, numbers and truth values for readers, by name. A store ignores differences
+      between notes, for example in the name of a function.
 
-    **Raises:** `ValueError` if these are inconsistent.
+    **Raises:** `ValueError` for names that occur twice, for sizes or shapes that disagree, and for
+    variables without a valid ``"result"``.
     """
 
     axes: tuple[Coordinate, ...]
@@ -149,42 +159,43 @@ class Layout:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of lanes along each dimension of the sweep."""
+        """Number of values along each axis; (lanes,) if zipped."""
         sizes = tuple(axis.values.size for axis in self.axes)
         return sizes[:1] if self.zipped else sizes
 
     @property
     def lanes(self) -> int:
-        """Number of lanes of the sweep."""
+        """Number of lanes of the whole sweep."""
         return int(np.prod(self.shape))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks; the last chunk may be shorter."""
+        """Number of chunks in the sweep."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
-        """Return the lanes of a chunk."""
+        """Return the lanes of the chunk with number `chunk` as a slice."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the value of each axis in every lane, (lanes,)."""
+        """Return by name of the axis its value in every lane, (lanes,)."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> dict[str, np.ndarray]:
-        """Return arrays for all lanes with the fill values of lanes that are not computed."""
+        """Return by name of the variable an array for all lanes, full of its fill value."""
         return {
             name: np.full((self.lanes, *v.shape), v.fill, v.dtype)
             for name, v in self.variables.items()
         }
 
     def checked(self, lanes: int, arrays: Mapping[str, ArrayLike]) -> LaneArrays:
-        """Return the results of a number of lanes as arrays.
+        """Return the results of `lanes` lanes, by variable, as NumPy arrays (lanes, ...).
 
-        **Raises:** `ValueError` unless they have the names, shapes and types of the variables.
+        **Raises:** `ValueError` unless the results have the names, shapes and types of the
+        variables, and result codes that are not negative.
         """
         names = sorted(self.variables)
         require(sorted(arrays) == names, "arrays", sorted(arrays), str(names), "rename")
@@ -200,9 +211,12 @@ class Layout:
 
 
 def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Return the results of all lanes along the sweep's axes, with units and settings.
+    """Return the results of all lanes as a dataset along the sweep's axes.
 
-    If zipped, the dimension is `lane` and the axes are its coordinates.
+    The dataset has units, and the layout's settings and notes as attributes. If zipped, the
+    dimension is `lane` and the axes are its coordinates.
+
+    **Arguments:** `arrays`: by variable, its values in all lanes, (lanes, ...).
     """
     import xarray as xr
 
@@ -225,7 +239,7 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _labels(coordinate: Coordinate) -> Coordinate:
-    """Return the coordinate with its values as an array of numbers or of texts."""
+    """Return the coordinate with its values as an array of numbers or of texts, after a check."""
     name, values, unit = coordinate
     values = np.asarray(values)
     if values.dtype.kind in "bif":
@@ -235,7 +249,7 @@ def _labels(coordinate: Coordinate) -> Coordinate:
 
 
 def _with_pending(code: Variable) -> Variable:
-    """Return the result codes with an additional first flag for pending lanes."""
+    """Return the variable of result codes with "pending" as an additional first flag."""
     values = [int(value) for value in code.attrs.get("flag_values", ()) if value != PENDING]
     meanings = code.attrs.get("flag_meanings", "").removeprefix("pending").strip()
     flags = {
@@ -246,7 +260,7 @@ def _with_pending(code: Variable) -> Variable:
 
 
 def _netcdf_name(name: str) -> str:
-    """Return the name of an attribute without characters that netCDF forbids."""
+    """Return the name of an attribute with "_" for characters that netCDF forbids."""
     return name.translate({ord(c): "_" for c in "/'"}).rstrip()
 
 

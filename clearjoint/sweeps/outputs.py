@@ -1,4 +1,5 @@
-"""Outputs of a sweep: quantities and states at chosen times, impacts; their checks."""
+"""Outputs of a sweep: quantities and states at chosen times, tables of impacts, and their
+checks."""
 
 import abc
 from collections.abc import Callable, Mapping
@@ -23,22 +24,31 @@ from ..simulation.run.saving import Saving
 from ..simulation.run.sections import Section
 
 SAVED = "saved"
-"""Name of the output with states: "saved_position" is the position of all bodies."""
+"""Prefix of the variables with saved states: "saved_position" is the position of all bodies."""
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 
 
 class AbstractSaved(abc.ABC):
-    """Quantities at chosen times: `channels` has quantity and unit by name."""
+    """Quantities that are recorded at chosen times of each lane.
+
+    `channels`: pair (quantity, unit as text) by name.
+    """
 
     channels: Channels
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the bodies and joints that the channels name."""
+        """Check that the scene has the bodies and joints that the channels name.
+
+        **Raises:** `ValueError` for a name that the scene lacks.
+        """
 
     @abc.abstractmethod
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times of a lane, (K,) s."""
+        """Return the times at which quantities are recorded in a lane, (K,) s, rising.
+
+        `scene` is the lane's scene. K must be the same in all lanes.
+        """
 
 
 @dataclass(frozen=True)
@@ -49,7 +59,7 @@ class Saved(AbstractSaved):
 
     - `times`: (K,) s, rising; or a function of the lane's scene that returns K times for every
       lane, such as one time in each revolution of a crank whose speed is swept.
-    - `channels`: quantity and unit by name.
+    - `channels`: pair (quantity, unit as text) by name.
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
     >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
@@ -64,11 +74,17 @@ class Saved(AbstractSaved):
         check_channels(self.channels)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the bodies and joints that the channels name."""
+        """Check that the scene has the bodies and joints that the channels name.
+
+        **Raises:** `ValueError` for a name that the scene lacks.
+        """
         check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times of a lane, (K,) s."""
+        """Return the times at which quantities are recorded in the lane of a scene, (K,) s.
+
+        **Raises:** `ValueError` for times that are not finite or don't rise.
+        """
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
@@ -88,8 +104,8 @@ class ImpactTable:
 
     For each contact, labelled "joint contact", the table has the first `count` impacts: onset,
     separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
-    penetration, m. It also has the number of impacts recorded; a contact with `count` recorded
-    impacts may have had more.
+    penetration, m. The number of recorded impacts of each contact is in the table too; a contact
+    with `count` recorded impacts may have had more.
 
     Quantiles of the recorded impacts are exact:
 
@@ -124,37 +140,44 @@ class ImpactTable:
         self.window()
 
     def window(self) -> Window | None:
-        """Return the time window of the onsets; ``None`` for the whole run."""
+        """Return the time window in which impacts must begin; ``None`` for the whole run."""
         window = Window(self.after, self.until)
         return None if window.is_whole else window
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has contacts and the joint."""
+        """Check that the scene has clearance joints, among them the joint of the table.
+
+        **Raises:** `ValueError` otherwise.
+        """
         known = scene.contact_joints()
         if self.joint is not None:
             require_known("joint", self.joint, known)
         require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
-        """Return joint and label of each recorded contact."""
+        """Return pairs (name of the joint, label of the contact), such as ("shoulder", "V")."""
         laws = scene.laws()
         names = laws if self.joint is None else [self.joint]
         return [(name, label) for name in names for label in laws[name]]
 
 
 class PartOfStates(eqx.Module):
-    """One part of the states of all bodies, such as "velocity", in the unit of `STATE_PARTS`."""
+    """Quantity that returns one part of the states of all bodies.
+
+    - `part`: "position", "orientation", "velocity" or "spin", in the SI unit of `STATE_PARTS`.
+    - `bodies`: names of the bodies, in the order of the rows.
+    """
 
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Float[Array, "bodies parts"]:
-        """Return the part for each body."""
+        """Return the part at an instant, (bodies, components of the part)."""
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
 class StatesOfLanes(AbstractSaved):
-    """The states of all bodies at times (K,) s, the same times in all lanes."""
+    """The states of all bodies of a scene at times (K,) s, which are the same in all lanes."""
 
     def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
         self.times, bodies = times, tuple(scene.bodies)
@@ -166,7 +189,7 @@ class StatesOfLanes(AbstractSaved):
         """Accept every scene, because every scene has bodies."""
 
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times of a lane, (K,) s."""
+        """Return the times (K,) s, which don't depend on the scene."""
         del scene
         return self.times
 
@@ -175,10 +198,13 @@ Output = AbstractReduction | AbstractSaved | Section | ImpactTable
 
 
 def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
-    """Return the outputs and, as further outputs, the quantities and states to save.
+    """Return all outputs of a sweep by name: `outputs` and those that `save` asks for.
 
-    **Raises:** `ValueError` for parts of `save` that sweeps don't support, and for names that are
-    used twice.
+    Sections and outputs of `save` keep their names; its times become the output `SAVED` with the
+    states of all bodies.
+
+    **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, and for
+    a name in both `outputs` and `save`.
     """
     require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     save.require_no_steps("in a sweep", "pass the lane's scene to simulate() for them")
@@ -192,9 +218,11 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Check that the outputs are supported and that the scene has the elements that they name.
+    """Check that a sweep supports the outputs and that the scene has the elements that they name.
 
-    **Raises:** `ValueError` that names the output.
+    `ledger` is `Settings.ledger`, which some reductions need.
+
+    **Raises:** `ValueError` that names the output; also for more than one `Saved`.
     """
     for name, output in outputs.items():
         require(

@@ -1,4 +1,4 @@
-"""Split a sweep into data shared by its lanes, data of each lane, and digests for a store."""
+"""Division of a sweep into data shared by its lanes, data of each lane, and digests for a store."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -33,6 +33,8 @@ def checked_starts(
 ) -> tuple[Lanes, bool]:
     """Check the constraints of each lane at the start, as `simulate` does.
 
+    **Arguments:** `start_time`: s; `coordinates`: the solver's choice of coordinates.
+
     **Returns:** the lanes, and whether any lane has redundant constraints. Lanes with nearly
     redundant constraints, whose rank is uncertain, are marked as bad.
 
@@ -59,7 +61,10 @@ def checked_starts(
 def common_values(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
-    """Return the data that all lanes share: settings of the run and outputs."""
+    """Return the data that all lanes share: the constant scene, settings of the run, and outputs.
+
+    **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
+    """
     saved, _ = _saved_output(outputs)
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AbstractSaved | Section)}
@@ -84,6 +89,7 @@ def common_values(
     }
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    # Numbers that lanes share may be folded into the program; varied ones must stay arguments.
     folded_scene = fold_constants(lanes.scene, lanes.varied)
     start = np.asarray(start_time, dtype=float)
     return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
@@ -96,9 +102,13 @@ def lane_tasks(
     settings: Settings,
     outputs: Mapping[str, Output],
 ) -> Task:
-    """Return the data of each lane: scene, state, end, first step and times to save at."""
+    """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
+
+    Times are in s. `end_time` is a number or a function of the lane's scene.
+    """
     _, saved = _saved_output(outputs)
     count = len(jax.tree.leaves(lanes.states)[0])
+    # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
     ends = _ends(end_time, scenes, count, start_time)
     first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
@@ -113,6 +123,8 @@ def _ends(
     start_time: float,
 ) -> np.ndarray:
     """Return the end time of each lane, (lanes,) s.
+
+    `scenes`: scene of each lane, for an `end_time` that is a function; else they are not used.
 
     **Raises:** `ValueError` for ends that are not finite or not after the start.
     """
@@ -133,7 +145,11 @@ def _ends(
 def _save_times(
     saved: AbstractSaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
 ) -> np.ndarray | None:
-    """Return the times (lanes, K), s, at which to save; ``None`` without a `Saved`."""
+    """Return the times at which each lane is saved, (lanes, K) s; ``None`` without an output to
+    save.
+
+    **Raises:** `ValueError` for times outside the run, or another number of times in some lanes.
+    """
     if saved is None:
         return None
     rows = [saved.at(scene) for scene in scenes]
@@ -144,7 +160,8 @@ def _save_times(
 
 
 def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AbstractSaved | None]:
-    """Return name and output of the one `AbstractSaved`; "" and ``None`` without one."""
+    """Return the name and the output of the one `AbstractSaved`; "" and ``None`` if there is
+    none."""
     saved = ((name, o) for name, o in outputs.items() if isinstance(o, AbstractSaved))
     return next(saved, ("", None))
 
@@ -152,10 +169,10 @@ def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AbstractSaved | N
 def program_tracer(
     common: Common, axes: Mapping[str, Axis], lanes: Lanes
 ) -> Callable[[], dict[str, str]]:
-    """Return a function that traces the lanes' programs in the calling process.
+    """Return a function that traces the lanes' programs in the process that calls the function.
 
-    The function returns digests of the programs. Worker processes compare them with the digests of
-    the process that made the sweep.
+    The function returns digests of the programs by name. Worker processes compare them with the
+    digests of the process that made the sweep.
     """
     # All leaves that the axes can change are arguments of the program, even if they are equal in
     # all present lanes: more values on an axis must not change the digests.
@@ -165,7 +182,10 @@ def program_tracer(
 
 
 def identity(of_programs: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:
-    """Return the digests by which a store recognises the sweep."""
+    """Return the digests of programs and of lanes by which a store recognises the sweep.
+
+    **Arguments:** `of_programs`: digests of the programs by name.
+    """
     digests = {RUN: run_digests(lanes, tasks)}
     if tasks.save_at is not None:
         digests[common.saved] = row_digests([tasks.save_at])

@@ -117,6 +117,7 @@ def sweep(
         require_count("threads", threads, "give a number of threads, or None")
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
     variables, coordinates = variables_of(scene, outputs)
+    # Settings that change the numbers of a lane; a store with others belongs to another sweep.
     identifying = identifying_settings(settings, start_time)
     layout = Layout(labels, chunk, variables, coordinates, identifying, zipped)
     lanes = lanes_of(scene, state, axes, layout.values())
@@ -127,6 +128,7 @@ def sweep(
     common = common_values(lanes, scheme, outputs, start_time, settings.max_steps)
     tasks = lane_tasks(lanes, end_time, start_time, settings, outputs)
     if path is None:
+        # Results in memory need no fingerprint, so that no program is traced for them.
         trace, store = None, SweepMemory(layout)
     else:
         trace = program_tracer(common, axes, lanes)
@@ -135,6 +137,8 @@ def sweep(
         store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
+    # Both warnings come after the store is complete, so that they also cover lanes computed
+    # earlier.
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
@@ -149,7 +153,8 @@ def _check_axes(axes: Mapping[str, Axis]) -> None:
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of failed lanes: their number by result code, and the first error message."""
+    """Warn how many lanes failed, for each result code, with the first message about invalid
+    values."""
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]

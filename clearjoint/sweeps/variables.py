@@ -1,4 +1,4 @@
-"""Names, shapes and units of the results of a sweep."""
+"""Names, shapes and units of the results of a sweep, from its outputs."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,10 @@ from .work import CONTACT, variable_name
 def variables_of(
     scene: Scene, outputs: Mapping[str, Output]
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
-    """Return the variables of a sweep and the labels of their dimensions."""
+    """Return the variables of a sweep by name, and the labels of their dimensions.
+
+    **Raises:** `ValueError` for an output whose variables have names that are already used.
+    """
     variables = _always(scene)
     coordinates = [
         Coordinate("body", np.array(list(scene.bodies), dtype=str)),

@@ -17,10 +17,10 @@ CONTACT = "contact"
 
 @dataclass(frozen=True)
 class Work:
-    """All lanes of a sweep.
+    """All lanes of a sweep, and the method that runs some of them.
 
     - `common`: data shared by the lanes.
-    - `tasks`: data of each lane, host arrays (lanes, ...).
+    - `tasks`: data of each lane, NumPy arrays (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters; they are not run.
     - `variables`: the results of a lane, by name.
@@ -43,9 +43,15 @@ class Work:
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
-        """Run lanes.
+        """Run lanes, and pass their results on as soon as they end.
 
-        Whenever lanes end, `on_ended` gets their numbers (n,) and results.
+        **Arguments:**
+
+        - `lanes`: numbers of the lanes to run.
+        - `on_ended`: function of the numbers (n,) of lanes that have ended and their results,
+          arrays (n, ...) by variable.
+        - `threads`: number of threads that share the lanes; by default as configured.
+        - `on_progress`: function that is called with the state of the running lanes.
         """
         bad = np.array([lane for lane in lanes if lane in self.bad], int)
         if bad.size:
@@ -89,7 +95,8 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded columns of each output, with "count", the number of rows."""
+        """Return the recorded columns of each output by name, with the number of rows as
+        "count"."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
@@ -108,11 +115,13 @@ class Work:
 
 @dataclass(frozen=True)
 class Chunks:
-    """The lanes of a sweep in chunks, for worker processes.
+    """Function that computes a chunk of a sweep, for worker processes.
 
-    - `lanes`: numbers of the lanes to run, by chunk.
-    - `trace`: returns digests of the programs that the calling process would run. If they differ
-      from those of `work`, the process has other code than the process that made the sweep.
+    - `work`: all lanes of the sweep.
+    - `lanes`: numbers of the lanes to run, by number of the chunk.
+    - `trace`: function that returns digests of the programs that the calling process would run. If
+      they differ from those of `work`, the process has other code than the process that made the
+      sweep. ``None`` for no check.
     """
 
     work: Work
@@ -120,9 +129,9 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """Compute the results of a chunk's lanes in this process.
+        """Return the results of a chunk's lanes, arrays (lanes of the chunk, ...) by variable.
 
-        **Raises:** `RuntimeError` in a process that runs other code.
+        **Raises:** `RuntimeError` in a process that would run other code.
         """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
@@ -149,14 +158,14 @@ _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
 
 
 def variable_name(output: str, key: str) -> str:
-    """Return the name in the data set of one result of an output."""
+    """Return the name of a result in the dataset: "output_key", or "output" for an empty key."""
     return f"{output}_{key}" if key else output
 
 
 def concatenated(
     parts: Sequence[tuple[np.ndarray, LaneArrays]],
 ) -> tuple[np.ndarray, LaneArrays]:
-    """Return the lanes of several parts, and their results."""
+    """Return the lanes' numbers and their results, by variable, of several parts as one part."""
     results = {
         name: np.concatenate([results[name] for _, results in parts]) for name in parts[0][1]
     }

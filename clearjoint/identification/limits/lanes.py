@@ -1,4 +1,5 @@
-"""Margins to the limits for many values of a parameter, with random draws, by sweeps."""
+"""Margins of quantities to their limits, for many values of a parameter and random draws, by
+sweeps."""
 
 import math
 from collections.abc import Mapping
@@ -28,11 +29,13 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class LaneMargins:
-    """Margins log(limit / peak) at rising coordinates (n,) of the parameter.
+    """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
+    - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
     - `margins`: (n,) the smallest margin of all outputs, for the quantile of the draws.
-    - `low`, `high`: (n,) ends of confidence intervals; equal to the margins without draws.
-    - `peak`: a text on the output with the smallest margin at the first coordinate.
+    - `low`, `high`: (n,) ends of the margins' confidence intervals; equal to `margins` without
+      draws.
+    - `peak`: text on the output with the smallest margin at the first coordinate.
     """
 
     coordinates: Float[np.ndarray, " n"]
@@ -42,7 +45,10 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins and others in order; the first of equal coordinates is kept."""
+        """Return these margins merged with others, in the order of coordinates.
+
+        Of two equal coordinates, that of this object is kept.
+        """
         coordinates = np.concatenate([self.coordinates, others.coordinates])
         coordinates, kept = np.unique(coordinates, return_index=True)
         margins, low, high = (
@@ -52,18 +58,20 @@ class LaneMargins:
         return LaneMargins(coordinates, margins, low, high, self.peak)
 
     def gap(self) -> tuple[int, int] | None:
-        """Return the indices of the last value before the first violation, and of the violation.
+        """Return the index of the last value before the first violation, and that of the violation.
 
-        ``None`` if all values satisfy the limits.
+        The result is ``None`` if all values satisfy the limits; the first index is -1 if the first
+        value violates a limit.
         """
         violations = np.flatnonzero(~(self.margins >= 0.0))
         return (int(violations[0]) - 1, int(violations[0])) if len(violations) else None
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
-        """Return whether each interval (n - 1,) up to the first violation may contain another one.
+        """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
+        violation.
 
-        It may if the smaller margin at its ends is below the largest change of the margin over the
-        interval and its `NEIGHBOURS`.
+        An interval up to the first violation is doubtful if the smaller margin at its ends is below
+        the largest change of the margin over the interval and its `NEIGHBOURS`.
         """
         gap = self.gap()
         count = len(self.coordinates) - 1 if gap is None else gap[1]
@@ -76,7 +84,8 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins fall, up to a tolerance and the uncertainty of the draws."""
+        """Return whether no margin rises by more than `tolerance` and the uncertainty of the
+        draws."""
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
         return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
@@ -84,7 +93,14 @@ class LaneMargins:
 
 @dataclass(frozen=True)
 class LaneProblem:
-    """Arguments of the sweeps: see `largest_feasible`."""
+    """The scene, the limits and the settings of the sweeps that compute margins.
+
+    - `outputs`: limited reduction by name; `limits`: its limit by the same name, SI.
+    - `draws`: axes of random numbers by name, of equal length.
+    - `quantile`: share of the draws that must satisfy the limits.
+
+    The other attributes are arguments of `largest_feasible`.
+    """
 
     scene: Scene
     state: State
@@ -99,7 +115,8 @@ class LaneProblem:
     progress: bool
 
     def margins(self, coordinates: Float[np.ndarray, " n"]) -> LaneMargins:
-        """Compute the margins at rising coordinates (n,) by one sweep."""
+        """Compute the margins at rising coordinates (n,) of the parameter, with all draws, by
+        one sweep."""
         values = np.array([float(self.parameter.scale.value(u)) for u in coordinates])
         count = len(next(iter(self.draws.values())).values) if self.draws else 1
         axes = {VALUE: Axis(self.parameter.variation, np.repeat(values, count))}
@@ -127,7 +144,8 @@ class LaneProblem:
         return LaneMargins(coordinates, margins, low, high, peak)
 
     def _peak(self, margins: Mapping[str, float]) -> str:
-        """Return a text on the output with the smallest of the margins."""
+        """Return text on the output with the smallest of the given margins, by name, and its
+        limit."""
         name = min(margins, key=lambda name: margins[name])
         if not np.isfinite(margins[name]):
             return "the run with this value fails"
@@ -141,11 +159,16 @@ class LaneProblem:
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return margins (n,) of a quantile of the peaks over the draws, and ends of their intervals.
+    """Return margins of a quantile of the peaks over the draws, and their confidence intervals.
 
     The quantile is an order statistic of the draws: the smallest peak that the given share of the
     draws does not exceed. Its 95 % confidence interval is between two other order statistics and
     holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
+
+    **Arguments:** `peaks`: (n, draws); `limit`: in the unit of the peaks; `quantile`: share of the
+    draws, 0 to 1.
+
+    **Returns:** margins, lower ends and upper ends, (n,) each.
     """
     from scipy.stats import binom
 
@@ -165,7 +188,7 @@ def limit_margins(
 
 
 def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
-    """Return a reduction unchanged; for a quantity, its peak after a time in s."""
+    """Return a reduction unchanged; for a quantity, its peak from the time `after`, s, on."""
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"

@@ -26,28 +26,34 @@ from .lanes import LaneMargins, LaneProblem, as_reduction
 
 QUANTITY = "quantity"
 CLOSE = 2.0
-"""Distance below the first violation from which the second row begins, in steps of the first."""
+"""The second row of lanes begins this many spacings of the first row below the first violation."""
 INSPECTIONS = 12
-"""Maximum number of rows that search for violations between lanes."""
+"""Maximum number of rows of lanes that search for violations between computed values."""
 
 Watched = Quantity | AbstractReduction
 
 
 @dataclass(frozen=True)
 class LargestFeasible:
-    """Largest value that satisfies the limits, as do all smaller values that were computed.
+    """Result of `largest_feasible`: the largest value below which no computed value violates a
+    limit.
 
-    - `value`: in the parameter's `unit`; the upper end of the range if no limit is exceeded.
+    A margin is log(limit / peak), the smallest of all limited quantities: it is negative where a
+    limit is violated.
+
+    - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
+      exceeded.
     - `interval`: interval in which the first violation begins: the last value that satisfies the
       limits and the first that does not; with a quantile of draws, its 95 % confidence interval.
     - `met`: whether a limit was reached within the range.
     - `monotone`: whether all computed margins fall with the parameter. If not, larger values may
       satisfy the limits again, and a violation narrower than `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest value above it that
-      satisfies all limits; ``None`` if there is none.
-    - `spacing`: largest distance between neighbouring values up to `value`, relative to the larger.
-    - `values`, `margins`: (n,) computed values, and the smallest margin log(limit / peak) of each,
-      -inf if the run failed.
+      satisfies all limits; ``None`` if no larger value satisfies the limits.
+    - `spacing`: largest distance between neighbouring values up to `value`, relative to the larger
+      neighbour.
+    - `values`: (n,) all computed values, in `unit`.
+    - `margins`: (n,) margin of each value, -inf if the run failed.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -68,7 +74,7 @@ class LargestFeasible:
     margins: Float[np.ndarray, " n"]
 
     def __str__(self) -> str:
-        """The value, its uncertainty, and the trend of the margins, in sentences."""
+        """Return sentences on the value, its uncertainty, and the trend of the margins."""
         low, high = self.interval
         trend = (
             "All computed margins fall with the parameter."
@@ -185,7 +191,12 @@ def largest_feasible(
 
 @dataclass(frozen=True)
 class _Search:
-    """Search by rows of `lanes` values, down to a relative tolerance."""
+    """Search for the first violation by sweeps, each over a row of values of the parameter.
+
+    - `problem`: the sweeps' other arguments.
+    - `lanes`: number of values in a row.
+    - `tolerance`: relative tolerance of the value.
+    """
 
     problem: LaneProblem
     lanes: int
@@ -193,11 +204,16 @@ class _Search:
     parameter: Parameter
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
-        """Search between two coordinates."""
+        """Search between the coordinates `low` and `high` of the parameter, and return the result.
+
+        **Raises:** `ValueError` if the value at `low` violates a limit.
+        """
         lanes = self.problem.margins(np.linspace(low, high, self.lanes))
         smallest, expected = self._value(low), "a value that satisfies the limits"
         remedy = f"{lanes.peak}; decrease it, or raise the limit"
         require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+        # The first row is coarse: just below its first violation another one may lie between two
+        # values.
         if lanes.gap() is not None:
             lanes = self._refined(lanes, below=True)
         lanes = self._inspected(lanes)
@@ -209,13 +225,17 @@ class _Search:
         return self._result(lanes, self._value(lanes.coordinates[last]), unit)
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
-        """Add a row of lanes in the interval of the first violation, or beginning `below` it."""
+        """Add a row of values between the last value before the first violation and the violation.
+
+        With `below`, the row begins `CLOSE` spacings lower.
+        """
         last, violation = (lanes.coordinates[k] for k in _gap(lanes))
         start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return lanes.with_others(self.problem.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, lanes: LaneMargins) -> LaneMargins:
-        """Add rows in doubtful intervals, until these are as narrow as the tolerance.
+        """Add values in intervals that may hide a violation, until these are as narrow as the
+        tolerance.
 
         Margins that only fall need no inspection.
         """
@@ -252,7 +272,8 @@ class _Search:
         )
 
     def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
-        """Return the values between which the first violation begins."""
+        """Return the two values between which the first violation begins, by the margins'
+        confidence."""
         possible = np.flatnonzero(~(lanes.low >= 0.0))
         certain = np.flatnonzero(~(lanes.high >= 0.0))
         u = lanes.coordinates
@@ -261,7 +282,8 @@ class _Search:
         return self._value(low), self._value(high)
 
     def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the distances of neighbouring values, relative to the larger one."""
+        """Return the distances (n - 1,) of neighbouring values, relative to the larger
+        neighbour."""
         values = np.array([self._value(float(coordinate)) for coordinate in lanes.coordinates])
         sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), np.finfo(float).tiny)
         return np.abs(np.diff(values)) / sizes
@@ -277,7 +299,7 @@ def _gap(lanes: LaneMargins) -> tuple[int, int]:
 
 
 def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the coordinates of the smallest and the largest value."""
+    """Return the coordinates of the smallest and the largest value of `between`, after checks."""
     kind = type(parameter).__name__
     require(isinstance(parameter, Parameter), "parameter", kind, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)

@@ -13,10 +13,13 @@ SPLIT = 1e-12
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the fractional number of times up to which `keep` points are in the level set.
+    """Return for how many of the T times `keep` points stay in the level set; a fraction is
+    possible.
 
-    The level set has all points with a chi squared at most `excess` above the smallest. `curves`
-    (n, T + 1) have chi squared of n points for the first 0 to T times.
+    The level set has all points with a chi squared at most `excess` above the smallest.
+
+    **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
+    times.
     """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
@@ -33,21 +36,29 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
 
 
 def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared (n,) at a fractional number of times, by linear interpolation."""
+    """Return chi squared of n points, (n,), over the first `count` times.
+
+    `curves`: (n, T + 1) chi squared over the first 0 to T times; values at a fractional `count` are
+    interpolated linearly.
+    """
     last_full = min(int(count), curves.shape[1] - 2)
     part = count - last_full
     return (1.0 - part) * curves[:, last_full] + part * curves[:, last_full + 1]
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
-    """Return the `keep`-th smallest value along the first axis minus the smallest."""
+    """Return the `keep`-th smallest value over the n points less the smallest value.
+
+    `values`: (n, ...), of which the first axis is reduced.
+    """
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
 def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
-    """Return indices of points (n, p) that are far apart, beginning with the first point.
+    """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
 
-    Each next point has the largest distance from those before, in standard deviations of all.
+    Each next point has the largest distance from the nearest of those chosen before, in standard
+    deviations of all points (n, p).
     """
     distances = _distances(points)
     chosen = [0]
@@ -63,11 +74,11 @@ def among(
     bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "new p"]:
-    """Draw new points (number, p) in the set of the points (n, p).
+    """Draw new points (number, p) in the region that the points (n, p) fill.
 
-    Each is drawn from a normal distribution around one of the points, with the covariance of its
-    neighbours, so that new points follow a curved or disconnected set. They are reflected at the
-    bounds (p,).
+    Each is drawn from a normal distribution around one of the points, with the covariance of that
+    point's `neighbours` nearest points, so that new points follow a curved or disconnected region.
+    New points beyond the `bounds`, low (p,) and high (p,), are reflected at them.
     """
     neighbours = min(neighbours, len(points))
     near = np.argsort(_distances(points), axis=1)[:, :neighbours]
@@ -82,7 +93,8 @@ def among(
 
 
 def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return the distances (n, n) of points (n, p), in standard deviations."""
+    """Return the distances (n, n) between points (n, p), in standard deviations along principal
+    axes."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

@@ -1,7 +1,7 @@
-"""Curves of chi squared over the record, for many parameters, by runs without derivatives.
+"""Curves of chi squared over the record, for many values of the parameters, without derivatives.
 
-These runs are lanes (`clearjoint.simulation.lanes.scheduler`) and cost a small fraction of runs
-with derivatives. Only the curve of chi squared is kept of each run.
+The runs are lanes (`clearjoint.simulation.lanes.scheduler`) and cost a small fraction of runs
+with derivatives. Of each run only the curve of chi squared is kept.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,11 @@ TOGETHER = 64
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Runs of an experiment as lanes, and the samples to compare them with."""
+    """Runs of an experiment as lanes, and the samples with which they are compared.
+
+    - `runs`: scene with its parameters, and the measured outputs.
+    - `data`: the samples of S series at T times.
+    """
 
     runs: Experiment
     data: Samples
@@ -40,21 +44,25 @@ class SideBySide:
 
     @property
     def count(self) -> int:
-        """Number of times without padding."""
+        """Number of times T without the padding."""
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the last of a fractional number of times, rounded up, s; for 0 the start."""
+        """Return the time, s, of sample number `count`, counted from 1 and rounded up; for 0 the
+        start."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared (n, count + 1) of the first 0 to count times at coordinates (n, p).
+        """Return chi squared, cumulated over the first 0 to `count` times, of n runs, (n, count +
+        1).
 
         Samples that a run does not reach have the residual `UNREACHED`. With `smoothing` above 1,
         residuals are averaged over this number of times.
+
+        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
         """
         curves = np.zeros((len(coordinates), count + 1))
         instants, sample_indices = self._instants(coordinates, count)
@@ -140,14 +148,21 @@ class SideBySide:
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return the varied leaves of the scenes, and the initial states, (n, ...) each."""
+    """Return the varied leaves of n scenes, and n initial states, at coordinates (n, p).
+
+    Each leaf is an array (n, ...). `varied`: PyTree like the scene, true for leaves to return.
+    """
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared (n, T) up to each time, for predictions (n, S, T)."""
+    """Return chi squared of n runs, cumulated up to each time, (n, T).
+
+    **Arguments:** `predicted`: (n, S, T) outputs, SI; `smoothing`: number of times over which
+    residuals are averaged.
+    """
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)

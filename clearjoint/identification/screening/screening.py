@@ -1,10 +1,10 @@
-"""Search for starts by runs without derivatives, over a growing part of the record.
+"""Search for starts of a fit by runs without derivatives, over a growing part of the record.
 
 If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
 the solution, and later impacts add many minima. Therefore the whole neighbourhood of a guess is
-screened. The first round uses an early part of the record, as long as many points still fit it
-about equally well. The next round draws points among these and uses more of the record, and so on
-to its end.
+screened by many points, which are coordinates of the parameters. The first round uses an early
+part of the record, as long as many points still fit this part about equally well. The next round
+draws points among them and uses more of the record, and so on to the end of the record.
 
 The method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general
 Bayesian computation*, 2006), for a misfit that grows with the record.
@@ -27,7 +27,8 @@ from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
-"""Probability of the excess of chi squared up to which points are kept."""
+"""Probability of the chi squared distribution with p degrees of freedom that gives the largest
+excess over the smallest chi squared at which points are kept."""
 LOOSER = 1000.0
 """Tolerance of the integration in screening runs, relative to that of the fit."""
 FEW = 4
@@ -42,18 +43,20 @@ EIGHTH = 8
 
 @dataclass(frozen=True)
 class Screening:
-    """Starts found by screening a box around the guess.
+    """Starts of a fit, found by screening a box around the guess.
 
-    Every round runs a number of points without derivatives. It uses the part of the record at whose
-    end `keep` points still fit about as well as the best, and keeps these. The next round draws
-    points among them. Screening ends at the end of the record.
+    Every round runs a number of points, coordinates of the parameters, without derivatives. The
+    round uses the part of the record at whose end `keep` points still fit about as well as the
+    best, and keeps these points. The next round draws points among the kept ones. Screening ends at
+    the end of the record.
 
     **Arguments:**
 
     - `number`: number of new points in a round. The first round, which fills the box evenly, has
       four times as many. Use more for more than three or four parameters.
     - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
-      a factor of e in both directions): one number, or one for each parameter.
+      a factor of e in both directions): one number, or a dictionary by name of the parameter, in
+      which missing parameters have width 0.
     - `keep`: number of points that are kept in a round.
     - `finish`: number of starts among the points kept last: the best, and others far from it.
     - `smoothing`: number of times over which residuals are averaged, so that the misfit of
@@ -62,6 +65,9 @@ class Screening:
     - `passes`: maximum number of passes. Another pass, with other random numbers, follows while
       noise doesn't explain the chi squared of the best search.
     - `seed`: seed of the random numbers.
+
+    **Raises:** `ValueError` for numbers below 1, a `spread` that is not positive, and a `keep` that
+    doesn't fit `finish` and `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -90,12 +96,13 @@ class Screening:
 
 @dataclass(frozen=True)
 class Screened:
-    """Result of a screening.
+    """Result of one pass of a `Screening`, for p parameters.
 
-    - `points`: (keep, p) coordinates, the best first; `chi_squared`: (keep,) of the averaged
-      residuals, up to the time of the last round.
+    - `points`: (keep, p) coordinates of the points kept last, the best first.
+    - `chi_squared`: (keep,) of the averaged residuals, up to the time of the last round.
     - `starts`: (finish, p) the points from which to search.
-    - `times`: s, end of the part of the record that each round used; `runs`: number of runs.
+    - `times`: s, end of the part of the record that each round used.
+    - `runs`: number of runs.
     - `complete`: whether the last round reached the end of the record.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
@@ -127,7 +134,16 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around a guess (p,) in the pass with a given number."""
+    """Screen the box around a guess, and return the points that fit best.
+
+    **Arguments:**
+
+    - `screening`: settings of the box and the rounds.
+    - `lanes`: the runs, and the samples with which they are compared.
+    - `centre`: (p,) coordinates of the guess; `names`: names of the p parameters.
+    - `number`: number of the pass, from 0; it changes the random numbers.
+    - `progress`: whether to show a line.
+    """
     from scipy.special import chdtri
     from scipy.stats import qmc
 
@@ -166,9 +182,12 @@ def screen(
 
 @dataclass(frozen=True)
 class Passes:
-    """Passes of a screening around a guess `centre` (p,), by coarse runs of an experiment.
+    """Repeated screenings around a guess, with searches from the starts that they find.
 
-    `progress`: whether to show a line.
+    - `screening`: settings of the box and the rounds.
+    - `runs`: simulations with looser tolerances.
+    - `centre`: (p,) coordinates of the guess; `names`: names of the p parameters.
+    - `progress`: whether to show a line.
     """
 
     screening: Screening
@@ -182,7 +201,9 @@ class Passes:
     ) -> tuple[Screened, ...]:
         """Screen and search from the starts, until noise explains the smallest chi squared.
 
-        **Returns:** the results of the passes.
+        **Arguments:** `search_from`: function that searches from coordinates (p,).
+
+        **Returns:** the result of each pass.
         """
         lanes, degrees_of_freedom = SideBySide(self.runs, data), data.count - len(self.names)
         searches: list[Search] = []

@@ -25,7 +25,7 @@ _LOCK = ".lock"
 
 
 def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
-    """Open the group of a store's arrays, with the metadata of all arrays."""
+    """Open the group of a store's arrays at a path, to read ("r") or also to write ("r+")."""
     import zarr
 
     files = checked_files()(path, read_only=mode == "r")
@@ -49,6 +49,7 @@ def checked_files() -> "type[LocalStore]":
             prototype: "BufferPrototype | None" = None,
             byte_range: "ByteRequest | None" = None,
         ) -> "Buffer | None":
+            # A part of a file can't be checked, because the checksum is that of the whole content.
             assert byte_range is None
             prototype = prototype or default_buffer_prototype()
             buffer = await super().get(key, prototype)
@@ -75,9 +76,10 @@ def _is_metadata(key: str) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder for this process; the lock of a process that dies is released.
+    """Lock a folder against other processes while the context is open.
 
-    Where the system or the folder has no locks, processes don't wait for each other.
+    The lock of a process that dies is released. Where the system or the folder has no locks,
+    processes don't wait for each other.
     """
     try:
         import fcntl
@@ -93,7 +95,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open an array of a group."""
+    """Open the array `name` of a group."""
     import zarr
 
     # Zarr omits chunks of fill values by default: a lost file would look like one of these chunks.
@@ -104,15 +106,19 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 
 
 def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
-    """Return the file of a chunk of an array in the store at a path."""
+    """Return the path of the file with one chunk of an array.
+
+    **Arguments:** `path`: folder of the group; `chunk`: number of the chunk along the first
+    dimension.
+    """
     return path / array.path / array.metadata.encode_chunk_key((chunk,) + (0,) * (array.ndim - 1))
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of the store at a path.
+    """Read an array of the group in the folder `path`.
 
-    **Returns:** the values, and by number the chunks whose file is `MISSING` or `DAMAGED`; their
-    values are the fill value.
+    **Returns:** the values, and by number of the chunk `MISSING` or `DAMAGED` for each faulty file.
+    The values of these chunks are the fill value.
     """
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}

@@ -11,7 +11,7 @@ from .program import RUN
 
 _SHOWN = 60
 Part = Note | np.ndarray
-"""A part of a layout in which two sweeps may differ."""
+"""Part of a layout in which two sweeps may differ: a setting, or an array of labels."""
 
 
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
@@ -41,7 +41,7 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
-    """Return the settings of a sweep by their names in messages."""
+    """Return the settings of a sweep by the names that messages show."""
     settings: dict[str, Part] = {
         f"setting {name}": value for name, value in layout.settings.items()
     }
@@ -140,7 +140,8 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
 
 
 def _from(text: str, start: int) -> str:
-    """Cut the beginning of a text if the character at `start` would not be shown otherwise."""
+    """Return the text without its beginning if the character at `start` would not be shown
+    otherwise."""
     return text if start < _SHOWN // 2 else f"…{text[start - _SHOWN // 4 :]}"
 
 

@@ -1,11 +1,11 @@
-"""Fingerprint of a function: a digest of the program that JAX traces from it.
+"""Fingerprint of a function: a digest of the program that JAX traces from the function.
 
-The digest of a value combines the operation that computes it, the operation's parameters and the
-digests of its operands; a constant is identified by its value, an argument by its name. The digest
-of a result therefore doesn't depend on names of variables and functions, on the order of
-independent operations, on unused operations, on `jax.jit` around parts, or on the process. It
-includes every contribution of globals, helpers, base classes and properties, because all of them
-appear in the traced program.
+The digest of a value combines the operation that computes the value, the operation's parameters and
+the digests of its operands; a constant is identified by its value, an argument by its name. The
+digest of a result therefore doesn't depend on names of variables and functions, on the order of
+independent operations, on unused operations, on `jax.jit` around parts, or on the process. The
+digest includes every contribution of globals, helpers, base classes and properties, because all of
+them appear in the traced program.
 """
 
 import dataclasses
@@ -34,23 +34,30 @@ _WRAPPERS = {
     "custom_jvp_call": "call_jaxpr",
     "custom_vjp_call": "call_jaxpr",
 }
-"""Operations that only call an inner program, and the parameter with that program."""
+"""Operations that only call an inner program, each with the name of its parameter that holds this
+program."""
 _ADDRESS = " at 0x"
-"""Text in the `repr` of a Python function: the address differs between processes."""
+"""Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
 class Fingerprints(NamedTuple):
-    """Digests and shapes (`jax.ShapeDtypeStruct`) of the entries that a function returns."""
+    """Digests and shapes of the entries of the dictionary that a function returns, by key.
+
+    `shapes` has PyTrees of `jax.ShapeDtypeStruct`.
+    """
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Compute digests of the entries that a function of PyTrees returns.
+    """Compute the digest of each entry of the dictionary that a function returns.
 
-    They depend on structure, shapes and types of the arguments, but not on their values.
+    Digests depend on structure, shapes and types of the arguments, but not on their values.
+
+    **Arguments:** `function`: function of PyTrees that JAX can trace; `arguments`: example
+    arguments.
 
     **Raises:** `ValueError` if the function calls back into Python, which JAX doesn't trace.
     """
@@ -70,7 +77,10 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Compute digests of a program's results from the digests of its constants and inputs."""
+    """Compute the digests of a program's results, in their order.
+
+    **Arguments:** `constants`, `inputs`: digests of the program's constants and inputs.
+    """
     known = dict(zip(jaxpr.invars, inputs, strict=True))
     known |= zip(jaxpr.constvars, constants, strict=True)
 
@@ -108,7 +118,7 @@ def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
 
 
 def _setting(operation: str, value: object) -> str:
-    """Compute the digest of a parameter of an operation."""
+    """Compute the digest of one parameter of an operation, whose name is for error messages."""
     # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
@@ -160,7 +170,7 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 def digest(*parts: str | bytes) -> str:
-    """Compute the digest of a sequence of parts, as a text of `DIGITS` characters."""
+    """Compute the digest of a sequence of texts or bytes, as a text of `DIGITS` characters."""
     state = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

@@ -1,9 +1,9 @@
 """Copy of a store's results along the axes (the grid), for programs that read Zarr.
 
 The folder `BY_LANE` of a store has the results by lane: lanes can be written one by one, and more
-lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. It
-is written when a store is made, about once a minute during the sweep, and when the sweep ends. It
-is only a copy: if writing it fails, no result is lost.
+lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. The
+grid is written when a store is made, about once a minute during the sweep, and when the sweep ends.
+Since the grid is only a copy, no result is lost if writing it fails.
 """
 
 import shutil
@@ -24,7 +24,7 @@ ROOT = "zarr.json"
 
 
 def unfinished(path: Path) -> Path:
-    """Return a new path in the same folder, for a store that is not yet complete."""
+    """Return a new path, beside the path of a store, for a store that is not yet complete."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
 
 
@@ -81,7 +81,8 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid in the store at a path has the same variables and finished lanes."""
+    """Return whether the grid in the store at a path has the variables and result codes of
+    `results`."""
     import xarray as xr
 
     try:

@@ -1,8 +1,8 @@
 """Identity of a sweep: digests of its programs and of the numbers of its lanes.
 
-A run is determined by the program and by the numbers from which it starts. A store therefore
-compares digests of both. It doesn't compare source texts, names or the axes: a sweep over other
-axes that reaches the same numbers finds its stored lanes.
+A run is determined by the program and by the numbers from which the run starts. A store therefore
+compares digests of both. The store doesn't compare source texts, names or the axes: a sweep over
+other axes that reaches the same numbers finds its stored lanes.
 """
 
 import hashlib
@@ -24,11 +24,11 @@ _BLOCK = 4096
 
 
 class Identity(NamedTuple):
-    """Digests that identify a sweep.
+    """Digests that identify a sweep of n lanes.
 
-    - `programs`: digests of the programs; see `clearjoint.sweeps.store.program`.
-    - `lanes`: digests (n,) of the numbers from which each lane starts, under `program.RUN`, and
-      under the name of an output digests (n,) of the times at which it is saved.
+    - `programs`: digests of the programs by name; see `clearjoint.sweeps.store.program`.
+    - `lanes`: digests (n,) of the numbers from which each lane starts, under the key `program.RUN`;
+      and under the name of an output, digests (n,) of the times at which it is saved.
     """
 
     programs: Mapping[str, str]
@@ -55,7 +55,7 @@ def run_digests(lanes: Lanes, tasks: Task) -> Int[np.ndarray, " n"]:
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """Return digests (n,), int64, of the rows of arrays (n, ...)."""
+    """Return the digest of each row, over arrays (n, ...) side by side, as int64 (n,)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
@@ -70,7 +70,10 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the wanted lane with this digest, each once; -1 for none."""
+    """Return for each stored digest the number of a wanted lane with the same digest, (s,).
+
+    No lane occurs twice; the number is -1 where no lane is left.
+    """
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, digest in enumerate(wanted.tolist()):
@@ -82,7 +85,7 @@ def matching_lanes(
 
 
 def _leaves(tree: PyTree) -> list[PyTree]:
-    """Return the leaves, with ``None`` as a leaf."""
+    """Return the leaves of a PyTree, with ``None`` as a leaf."""
     return jax.tree.leaves(tree, is_leaf=lambda node: node is None)
 
 

@@ -1,4 +1,8 @@
-"""Metadata and labels of a sweep's Zarr store, which are written before any result."""
+"""Metadata and labels of a sweep's Zarr store, which are written before any result.
+
+A row is the position of a lane in the store's arrays. Its number may differ from that of the lane,
+because lanes that are added later get rows at the end.
+"""
 
 import glob
 import json
@@ -25,9 +29,9 @@ if TYPE_CHECKING:
 
 _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
-"""Attribute with a digest of all metadata."""
+"""Name of the attribute with a digest of all metadata."""
 ADDED = "sweep_added"
-"""Attribute with the names of variables that were added when some lanes were already done."""
+"""Name of the attribute that lists the variables added when some lanes were already done."""
 _OWN = (
     "sweep_axes",
     "sweep_shape",
@@ -41,7 +45,7 @@ _OWN = (
     ADDED,
     _FORMAT,
 )
-"""Attributes of the store that are not settings of the sweep."""
+"""Names of the store's attributes that are not settings of the sweep."""
 ABANDONED_AFTER = 3600.0
 """Age, s, above which an incomplete store is removed. Writing one takes about a second."""
 
@@ -49,10 +53,10 @@ ABANDONED_AFTER = 3600.0
 class Contents(NamedTuple):
     """Contents of a store without the results.
 
-    - `layout` and `identity`: layout and identity of the sweep.
-    - `order`: (lanes,) the sweep's lane in each row of the store. Added lanes get rows at the end,
-      although their numbers in the sweep may be in between.
-    - `added`: variables that were added when some lanes were already done.
+    - `layout`, `identity`: layout and identity of the sweep.
+    - `order`: (lanes,) number of the sweep's lane in each row of the store. Added lanes get rows at
+      the end, although their numbers in the sweep may be in between.
+    - `added`: names of the variables that were added when some lanes were already done.
     """
 
     layout: Layout
@@ -62,7 +66,7 @@ class Contents(NamedTuple):
 
 
 def create(path: Path, contents: Contents) -> None:
-    """Make a store without results; do nothing if another process has made it.
+    """Make a store without results at a path; do nothing if another process has made the store.
 
     The store is written under another name and renamed, so that it is complete or absent.
     """
@@ -77,9 +81,11 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes, in rows after the existing ones, or variables to a store.
+    """Add lanes, in rows after the existing ones, or variables to the store at a path.
 
     Existing chunks are not changed. The grid, whose labels are outdated, is removed.
+
+    **Arguments:** `contents`: those of the extended store.
     """
     with _new_store(path, contents) as store:
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
@@ -96,7 +102,8 @@ def _move(file: Path, to: Path) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove files of killed processes that were making or extending the store at a path."""
+    """Remove incomplete stores of killed processes that were making or extending the store at a
+    path."""
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
@@ -104,9 +111,9 @@ def remove_abandoned(path: Path) -> None:
 
 
 def contents_of(path: Path) -> Contents:
-    """Read the contents of the store at a path.
+    """Read the contents, without the results, of the store at a path.
 
-    **Raises:** `ValueError` if there is no sweep's store, or if its labels are damaged.
+    **Raises:** `ValueError` if there is no sweep's store, or if its metadata or labels are damaged.
     """
     group, attrs = _opened(path)
     path = path / BY_LANE
@@ -118,6 +125,7 @@ def contents_of(path: Path) -> Contents:
     axes = [_labels(path, group, name) for name in names]
     axes = [axis._replace(values=axis.values[row_of]) for axis in axes]
     if not stored["sweep_zipped"]:
+        # The store has each axis's value in every lane, in rows; `Layout` needs each value once.
         axes = [_along(axis, stored["sweep_shape"], dim) for dim, axis in enumerate(axes)]
     labels = {*names, *further, *digests.values(), stored["sweep_order"]}
     notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
@@ -136,7 +144,7 @@ def contents_of(path: Path) -> Contents:
 
 
 def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Return arrays in the order of the store's rows as a data set along the axes."""
+    """Return results in the order of the store's rows, (lanes, ...) by variable, as a dataset."""
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
 
@@ -181,7 +189,7 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 @contextmanager
 def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """Write a temporary store in the same folder, which is removed at the end of the context."""
+    """Yield the path of a temporary store in the same folder, which is removed afterwards."""
     store = unfinished(path)
     try:
         _write(store / BY_LANE, contents)
@@ -222,7 +230,10 @@ def _write(path: Path, contents: Contents) -> None:
 
 
 def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, Any]:
-    """Return the values of the attributes `_OWN`; `digests` are names of arrays."""
+    """Return the values of the attributes `_OWN` by name.
+
+    `digests`: by key of `Identity.lanes`, the name of the array with these digests.
+    """
     layout, order = contents.layout, _order_name(contents.order)
     names = [axis.name for axis in layout.axes]
     values = (
@@ -274,7 +285,10 @@ def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: 
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array that was written with the metadata."""
+    """Read an array of labels.
+
+    **Raises:** `ValueError` for a missing or damaged file.
+    """
     array = opened(group, name)
     values, faults = read(path, array)
     for chunk, fault in faults.items():
@@ -291,7 +305,10 @@ def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
 
 
 def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
-    """Return the values of an axis from its values in all lanes."""
+    """Return the coordinate of an axis, whose values are given for all lanes, with each value once.
+
+    **Arguments:** `shape`: number of values along each axis; `dim`: number of this axis.
+    """
     grid = np.moveaxis(axis.values.reshape(shape), dim, -1)
     return axis._replace(values=grid.reshape(-1, shape[dim])[0])
 

@@ -1,7 +1,7 @@
 """Digests of a sweep's programs: the run of a lane, and the computation of each output.
 
-The programs are traced as they are for the lanes: the numbers of scene and state are arguments, the
-numbers of solver, controller and outputs are constants.
+The programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
+program, the numbers of solver, controller and outputs are constants.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
 RUN = ""
-"""Name of the program of the run itself."""
+"""Key of the digest of the run itself, beside the names of variables."""
 
 
 def programs(
@@ -41,13 +41,17 @@ def programs(
     start_time: float,
     channels: dict[str, dict[str, Quantity]],
 ) -> dict[str, str]:
-    """Return digests of the program of the run (`RUN`) and of each variable of the outputs.
+    """Return digests of the program of the run, under `RUN`, and of each output's variable, by
+    name.
 
     The outputs have digests of their own, so that outputs can be added to a store whose lanes stay
     valid.
 
-    **Arguments:** `plan` and `channels` as in `clearjoint.simulation.lanes.tasks.Common`;
-    `folded_scene` and `state`: scene and initial state of a lane; `start_time`: s.
+    **Arguments:**
+
+    - `plan`, `channels`: as in `clearjoint.simulation.lanes.tasks.Common`.
+    - `folded_scene`, `state`: scene and initial state of a lane.
+    - `start_time`: s.
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
     """
@@ -58,9 +62,13 @@ def programs(
     start = fingerprints(traced.begin, numbers, state, time, 1.0)
     lane: Lane = start.shapes[RUN]
     step = fingerprints(traced.step, numbers, lane, 1.0)
+    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
+    # another part of the step does.
     row = Snapshot(lane.step.t, lane.step.y, lane.step.entry_speeds)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
+    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
+    # that is added must not change the digest of the run.
     with_contacts = jax.eval_shape(traced.begin_with_impacts, numbers, state, time, 1.0)
     tables = fingerprints(traced.impact_tables, numbers, with_contacts, 1.0)
     run = {RUN: digest(start.digests[RUN], step.digests[RUN])}
@@ -69,7 +77,11 @@ def programs(
 
 @dataclass(frozen=True)
 class _Traced:
-    """The functions to trace, of the numbers of a scene; `rest` is the rest of the scene."""
+    """Functions to trace, whose arguments are the numbers of a scene.
+
+    - `plan`, `channels`: as in `programs`.
+    - `rest`: the scene with ``None`` for its numbers.
+    """
 
     plan: Plan
     rest: PyTree
@@ -87,12 +99,13 @@ class _Traced:
         return unpack(eqx.combine(numbers, self.rest))
 
     def begin(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> dict[str, Lane]:
-        """Return the lane before its first step."""
+        """Return the lane before its first step, of length `length`, s, from the start `time`,
+        s."""
         plan, request = self._without_outputs, _request(time + length, length)
         return {RUN: begin_lane(plan, self._scene(numbers), state, time, request)}
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the lane after a step, and its outcome."""
+        """Return the lane after one step, and the outcome of a run that ends there."""
         plan, scene = self._without_outputs, self._scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
@@ -100,12 +113,12 @@ class _Traced:
     def begin_with_impacts(
         self, numbers: PyTree, state: State, time: Scalar, length: Scalar
     ) -> Lane:
-        """Return the lane before its first step, with records of impacts."""
+        """Return the lane before its first step, with a recorder of impacts."""
         request = _request(time + length, length)
         return begin_lane(self._with_impacts, self._scene(numbers), state, time, request)
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the record of impacts after a step, by variable of the impact tables."""
+        """Return the impacts recorded after one step, by variable of the impact tables."""
         if not lane.impacts:
             return {}
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
@@ -117,7 +130,7 @@ class _Traced:
         }
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """Return the reductions' tallies at the start."""
+        """Return by name the values that the reductions accumulate, at the start of the run."""
         now = self._instant(numbers, row, row)
         return {
             name: jax.tree.map(jnp.asarray, reduction.start(now))
@@ -127,7 +140,11 @@ class _Traced:
     def read(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return for each variable all values that its output computes at the end of a step."""
+        """Return for each variable all values that its output computes at the end of a step.
+
+        **Arguments:** `row`: state at the end of the step; `inside`: state from which values inside
+        the step are made; `tallies`: accumulated values of the reductions by name.
+        """
         now, programs = self._instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             tally = tallies[name]
@@ -139,6 +156,8 @@ class _Traced:
             programs |= {variable_name(name, key): computed for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
+            # The times of a section's crossings depend on the crossing condition, so that every
+            # variable of the section includes it.
             crossing = () if section is None else (section.quantity(now), section.after)
             programs |= {variable_name(name, key): crossing for key in ("time", "count")}
             programs |= {

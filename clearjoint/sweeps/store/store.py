@@ -45,18 +45,18 @@ that they may take."""
 
 
 class SweepMemory:
-    """Results in memory, with the methods of a `SweepStore`."""
+    """Results of a sweep in memory, with the methods of a `SweepStore`."""
 
     def __init__(self, layout: Layout):
         self.layout = layout
         self._arrays = layout.pending()
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the lanes that are not done, by chunk."""
+        """Return the numbers of the lanes that are not done, by number of their chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
-        """Store results of some lanes; the arguments are those of `SweepStore.write`."""
+        """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
         for name, values in self.layout.checked(len(lanes), arrays).items():
             self._arrays[name][lanes] = values
@@ -65,12 +65,12 @@ class SweepMemory:
         """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """Return all results with labels; lanes that are not done have the `result` -1."""
+        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
         return dataset(self.layout, self._arrays)
 
 
 class SweepStore:
-    """Results in a folder on disk; call `SweepStore.open`."""
+    """Results of a sweep in a folder on disk; `SweepStore.open` makes one."""
 
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
@@ -111,9 +111,9 @@ class SweepStore:
         return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the lanes that are not done, by chunk.
+        """Return the numbers of the lanes that are not done, by number of their chunk.
 
-        **Raises:** `PermissionError` if there are any and the store can't be written to.
+        **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
         """
         group = opened_group(self._folder, "r")
         codes = _arrays(self.path, group, self._contents)[RESULT]
@@ -195,7 +195,8 @@ class SweepStore:
         return merged
 
     def write_grid(self) -> None:
-        """Write the results along the axes for other programs, unless they are up to date."""
+        """Write the results along the axes for other programs, unless they are up to date on
+        disk."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `dataset` warns of damage.
             results = _labelled(self.path, contents_of(self.path))
@@ -211,7 +212,7 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return all results with labels; lanes that are not done have the `result` -1."""
+        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
         return _labelled(self.path, self._contents)
 
 
@@ -240,12 +241,12 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents in the order of the store's rows.
+    """Return the wanted contents, with their lanes in the order of the store's rows.
 
     The stored lanes keep their rows; lanes that the store lacks get rows at the end. The order of
     `wanted` is not used.
 
-    **Raises:** `ValueError` that lists the differences, if the store has another sweep.
+    **Raises:** `ValueError` that lists the differences, if the store holds another sweep.
     """
     digests = wanted.identity.lanes[RUN]
     kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
@@ -274,15 +275,16 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
-    """Read all results of a store, with labels."""
+    """Read the results of all lanes of a store, and return them as a dataset along the axes."""
     group = opened_group(path / BY_LANE, "r")
     return labelled(contents, _arrays(path, group, contents))
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes, in the order of the store's rows.
+    """Read the variables of all lanes by name, (lanes, ...), in the order of the store's rows.
 
-    Lanes of chunks that are not done or have damaged files get fill values.
+    Lanes of chunks that are not done or have damaged files get fill values; a warning names the
+    damaged files.
     """
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
