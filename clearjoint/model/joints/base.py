@@ -88,7 +88,7 @@ class AbstractElement(AbstractConverting):
     def attachments(self) -> tuple[Attachment, ...]:
         """Return the element's points on bodies; the default is an empty tuple.
 
-        The scene warns of a point so far from the centre of mass that its unit must be wrong.
+        The scene warns of a point so far from the centre of mass that its unit is probably wrong.
         """
         return ()
 

@@ -44,8 +44,8 @@ class GearJoint(AbstractConstraint):
     Angles are taken modulo a tooth, so that the number of revolutions is unlimited: of all meshing
     positions, the gear joint holds the nearest.
 
-    The Lagrange multiplier is the moment on the first gear in N m. The moments on gears and carrier equal
-    those of a real mesh, but the force between the teeth, which loads the bearings, is not
+    The Lagrange multiplier is the moment on the first gear in N m. The moments on gears and carrier
+    equal those of a real mesh, but the force between the teeth, which loads the bearings, is not
     modelled.
 
     ```python
