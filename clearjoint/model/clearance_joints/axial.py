@@ -11,11 +11,11 @@ from ..contact.laws import AbstractContactLaw, require_flat_law
 
 
 class AbstractAxialPolicy(AbstractConverting):
-    """Axial behaviour of a `ClearanceJoint`: the journal may be free, held, or stopped by shoulders.
+    """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
     A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
-    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, as in this
-    example of washers at different distances:
+    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, as in
+    this example of washers at different distances:
 
     ```python
     import clearjoint as cj
@@ -86,7 +86,8 @@ class FixedAxially(AbstractAxialPolicy):
 class EndPlay(AbstractAxialPolicy):
     """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
 
-    Each shoulder's force acts along the bearing's axis at the base of the journal that touches it. The shoulders have no friction.
+    Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
+    shoulder. The shoulders have no friction.
 
     **Arguments:**
 

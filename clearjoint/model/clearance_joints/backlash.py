@@ -187,9 +187,9 @@ class Backlash(AbstractContactJoint):
         return self.laws()[name].limits(Gap(depth, 0.0))
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration by label, m: r (2 pi - play)/4 for the radius r.
+        """Return the largest meaningful penetration of each flank by label, m.
 
-        It is half of the arc from a flank to the back of the other flank.
+        It is half of the arc from the flank to the point opposite the middle of the play.
         """
         deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
         return dict.fromkeys(FLANKS, deepest)

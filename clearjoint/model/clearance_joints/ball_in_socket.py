@@ -90,8 +90,9 @@ class BallInSocket(AbstractSharedLawJoint):
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contact "ball", whose normal points from the socket's centre to
-        the ball's.
+        """Return the geometry of the contact by label, "ball".
+
+        Its normal points from the socket's centre to the ball's.
         """
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         centres = self.socket_point, self.ball_point

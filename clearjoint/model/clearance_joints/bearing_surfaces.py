@@ -35,8 +35,8 @@ class BearingWall:
     ) -> Contact:
         """Return the contact of one base of the journal with the wall (eqs 10-21).
 
-        **Arguments:** `bearing`, `journal`: motions of the two bodies. `base`: position and velocity
-        of the base. `has_friction`: whether the contact needs a slip.
+        **Arguments:** `bearing`, `journal`: motions of the two bodies. `base`: position and
+        velocity of the base. `has_friction`: whether the contact needs a slip.
         """
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         depth = self._depth(base, eccentricity)

@@ -238,7 +238,7 @@ class CylindricalJoint(AbstractAxisJoint):
 
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes.
-    - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in body axes, any length.
+    - `axis_first`, `axis_second`: the axis on each body, (3,) in body axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}

@@ -81,7 +81,9 @@ class UniversalMotion(AbstractMotionSubspace):
         return self._about_child(reference).orientation(position[1])
 
     def columns(self, position: Angles) -> tuple[Twist, ...]:
-        """Return rotations at 1 rad/s about the parent's and the child's arm, in the child's axes."""
+        """Return rotations at 1 rad/s about the parent's arm and about the child's, in the child's
+        axes.
+        """
         return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
 
     def bias(self, state: JointState) -> Twist:
