@@ -193,7 +193,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return self.bearing_body, self.journal_body
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that use `law` and `friction`: the bases "V" and "W"."""
+        """Return the labels of the contacts that use `law` and `friction`: bases "V" and "W"."""
         return BASES
 
     def attachments(self) -> tuple[Attachment, ...]:

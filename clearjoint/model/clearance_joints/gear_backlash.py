@@ -43,7 +43,7 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class LineOfCentres:
-    """The line from the first gear's centre to the second's, projected across the first gear's axis.
+    """The line from the first gear's centre to the second's, in the plane across the first's axis.
 
     - `axis`: of the first gear, a global unit vector.
     - `along`: global unit vector along the line.

@@ -93,7 +93,7 @@ class GroupedContactJoint(AbstractContactJoint):
 
 
 class GroupedContactLaw(AbstractContactLaw):
-    """Normal laws of the contact `label` in all N joints of a group; results have the shape (N,)."""
+    """Normal laws of the contact `label` in all N joints of a group; results are (N,)."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
@@ -128,7 +128,7 @@ class GroupedContactLaw(AbstractContactLaw):
 
 
 class GroupedBristleLaw(AbstractBristleFriction):
-    """Bristle laws of the contact `label` in all N joints of a group; results have the shape (N,)."""
+    """Bristle laws of the contact `label` in all N joints of a group; results are (N,)."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
