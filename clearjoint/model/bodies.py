@@ -67,7 +67,7 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _check_moments(inertia: np.ndarray) -> None:
-    """Check that a rigid body can have the principal moments, (3,), or the inertia matrix, (3, 3)."""
+    """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3)."""
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
@@ -270,8 +270,8 @@ class Body(AbstractReadable):
 def _box_density(mass: float, inertia: np.ndarray) -> float:
     """Return the density of a homogeneous box with a mass, kg, and an inertia, kg m^2.
 
-    `inertia` holds principal moments, (3,), or a matrix, (3, 3). The density is in kg/m^3. A side of
-    nearly zero is replaced by a hundredth of the longest side.
+    `inertia` holds principal moments, (3,), or a matrix, (3, 3). The density is in kg/m^3. A side
+    of nearly zero is replaced by a hundredth of the longest side.
     """
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
     # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
@@ -410,14 +410,14 @@ class Motion:
     anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
-        """Return the position, m in global axes, of the point `local`, m in body axes (eqs 6, 7)."""
+        """Return the position in global axes of the point `local` in body axes, m (eqs 6 and 7)."""
         return self.position + self.rotation @ local
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
         """Return the vector from a fixed point to a point of the body, m in global axes.
 
-        **Arguments:** `origin`: fixed point, m in global axes. `local`: point of the body, m in body
-        axes.
+        **Arguments:** `origin`: fixed point, m in global axes. `local`: point of the body, m in
+        body axes.
         """
         if self.anchor is None:
             return self.point(local) - origin

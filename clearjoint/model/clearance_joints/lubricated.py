@@ -190,7 +190,7 @@ class LubricatedJoint(AbstractContactJoint):
         return self.dry.contacts(motions)
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the film's wrench on the bearing's body and on the journal's body, by body name."""
+        """Return the film's wrench on the bearing's and on the journal's body, by body name."""
         bases = self.dry.journal_bases(motions)
         on_bearing, on_journal = NO_WRENCH, NO_WRENCH
         for sign in SIDES:
@@ -199,7 +199,7 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of the film's half at one base, on the bearing's and the journal's body.
+        """Return the wrenches of half the film on the bearing's and on the journal's body.
 
         **Arguments:** `motions`: of the bodies by name. `base`: position and velocity of the base.
         """
@@ -249,8 +249,9 @@ class LubricatedJoint(AbstractContactJoint):
         return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the dry friction force on the journal, N in global axes, at the base `name`; ``None``
-        without friction.
+        """Return the dry friction force on the journal at the base `name`, N in global axes.
+
+        It is ``None`` without friction.
         """
         return self.dry.friction_force(name, contact, normal_force)
 

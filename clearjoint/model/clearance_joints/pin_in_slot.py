@@ -116,7 +116,7 @@ class PinInSlot(AbstractSharedLawJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each contact by label, m: the pin's radius."""
+        """Return the largest meaningful penetration of each contact by label, m: `pin_radius`."""
         deepest: Scalar = self.pin_radius
         return dict.fromkeys(self.contact_labels(), deepest)
 
