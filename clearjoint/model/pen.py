@@ -128,7 +128,8 @@ class AbstractPen(abc.ABC):
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
         """Draw a ball in a socket.
 
-        **Arguments:** `socket`, `ball`: centres. `radius`: of the socket, m. `clearance`: radial, m.
+        **Arguments:** `socket`, `ball`: centres. `radius`: of the socket, m. `clearance`: radius of
+        the socket less that of the ball, m.
         """
 
     @abc.abstractmethod
