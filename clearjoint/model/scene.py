@@ -86,7 +86,7 @@ class Scene(AbstractReadable):
     - `bodies`: `Body` by name, at least one. The name "ground" is reserved for the fixed body.
     - `joints`: ideal joints, clearance joints and drivers by name.
     - `forces`: springs, dampers, loads and drive torques by name.
-    - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None``, the default, for zero.
+    - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
 
     **Raises:** `ValueError` if there is no body, an element has the wrong class or names an unknown
     body, or a joint and a force have the same name.

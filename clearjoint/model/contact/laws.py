@@ -142,7 +142,7 @@ class AbstractPowerLaw(AbstractElasticLaw):
     exponent: eqx.AbstractVar[float]
 
     def slope_jumps(self) -> bool:
-        """Return ``False`` if the exponent is above one, so that the force starts with zero slope."""
+        """Return ``False`` if the exponent is above one: the force then starts with zero slope."""
         return not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:

@@ -67,7 +67,7 @@ class PrescribedAngle(AbstractRotationDriver):
         require_continuous(self.function)
 
     def angle(self, t: Scalar) -> Scalar:
-        """Return the function's value, rad."""
+        """Return the prescribed angle, rad, at the time `t`, s."""
         return self.function(t)
 
     def breakpoints(self) -> PyTree:
@@ -84,7 +84,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
     **Arguments:**
 
-    - `first`, `second`, `point_first`, `point_second`: as for `SphericalJoint`.
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m in body axes.
     - `axis`: (3,) in the first body's axes, any length.
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
@@ -118,7 +119,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the distance minus the prescribed distance, m."""
+        """Return the row "distance": the distance minus the prescribed distance, m."""
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         axis = unit(self.axis)
         distance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
