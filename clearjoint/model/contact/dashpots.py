@@ -80,7 +80,7 @@ def damping_ratio(restitution: Scalar) -> Scalar:
 
 
 def clamped_restitution(ratio: Scalar) -> Scalar:
-    r"""Return rebound speed over entry speed of an impact on a spring and a dashpot that can't pull.
+    r"""Return rebound speed over entry speed for a spring and dashpot that can't pull.
 
     The mass is released where the sum of the two forces vanishes.
 

@@ -115,7 +115,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
 
     def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact, for the law's `damping_factor`."""
+        """Return rebound speed over entry speed of a free impact, from the `damping_factor`."""
         return delivered_restitution(self.damping_factor())
 
 

@@ -42,7 +42,7 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 
 
 class AbstractLogarithmicCylinder(AbstractCylinder):
-    """Base class of line contacts with the penetration delta = P S [ln(A/P) + k] at the load P, N/m.
+    """Base class of line contacts with delta = P S [ln(A/P) + k] for the load P per length, N/m.
 
     A subclass defines the load A, N/m, and the number k.
     """

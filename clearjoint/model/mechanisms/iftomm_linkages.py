@@ -11,7 +11,7 @@ from ..scene import Scene
 
 
 def bricard() -> tuple[Scene, State]:
-    """Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m and 1 kg in a closed chain.
+    """Return Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m and 1 kg in a closed chain.
 
     Six revolute joints, each perpendicular to the next, impose 30 constraints on 30 velocities. One
     constraint is redundant, which leaves one degree of freedom. The mechanism starts at rest;
@@ -44,7 +44,7 @@ def bricard() -> tuple[Scene, State]:
 
 
 def double_four_bar() -> tuple[Scene, State]:
-    """Two four-bar linkages in a row, the IFToMM benchmark A02: five rods of 1 m and 1 kg.
+    """Return two four-bar linkages in a row, the IFToMM benchmark A02: five rods of 1 m, 1 kg.
 
     Rods 1, 3 and 5 are hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2
     along -Y, and the tips start at 1 m/s along +X. In this planar mechanism of seven spatial
