@@ -98,12 +98,14 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
-    # The search is unbounded: this map keeps each trial offset inside the clearance.
+    # The search is unbounded, but a film's force exists only inside the clearance: this map keeps
+    # each trial offset there.
     def offset_of(point: jax.Array) -> jax.Array:
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
         force = _force(joint, speed, offset_of(point), rest)
+        # Relative to the load, so that one tolerance suits all loads.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)

@@ -38,6 +38,7 @@ class FlatWall:
         apart = second.point(centre) - first.point(self.origin)
         depth = subtract(apart.dot(normal), self.room)
         centre_in_first = self.origin + first.components(apart)
+        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
         sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
         gap = Gap(depth, sliding.dot(normal))
         # Friction acts on both bodies at one point, midway between the surfaces.

@@ -74,7 +74,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """Return the largest penetration at which the formula is valid, m; ``None`` for no limit."""
+        """Return the largest penetration for which the formula holds, m; ``None`` for no limit."""
         del gap
         return None
 

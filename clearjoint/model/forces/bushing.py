@@ -113,8 +113,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrench of all springs and dampers on each body, by body name.
 
-        On the first body the forces and torques act in the direction of the deformation, on the second body they are
-        equal and opposite.
+        On the first body the forces and torques act in the direction of the deformation, on the
+        second body they are equal and opposite.
         """
         del t
         first, second = motions[self.first], motions[self.second]

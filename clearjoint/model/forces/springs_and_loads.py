@@ -112,7 +112,7 @@ class TorsionalSpring(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque on the second body, N m: -(stiffness times twist + damping times speed).
+        """Return the torque of the spring and the damper on the second body, N m.
 
         **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: not used.
         """

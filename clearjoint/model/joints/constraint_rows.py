@@ -165,6 +165,7 @@ def turning_angle(
     # valid for any length of the projected direction.
     c, s = cosine.value, sine.value
     inverse = 1.0 / (c * c + s * s)
+    # The angle depends only on orientations, so that its Jacobian has moments but no forces.
     jacobian = {}
     for name in names:
         moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s

@@ -11,7 +11,7 @@ from ..scene import Scene
 
 
 def bricard() -> tuple[Scene, State]:
-    """Return Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m and 1 kg in a closed chain.
+    """Return Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m, 1 kg in a loop.
 
     Six revolute joints, each perpendicular to the next, impose 30 constraints on 30 velocities. One
     constraint is redundant, which leaves one degree of freedom. The mechanism starts at rest;
@@ -30,6 +30,7 @@ def bricard() -> tuple[Scene, State]:
     names = [GROUND, *(f"rod {k}" for k in range(1, 6)), GROUND]
     centres: dict[str, np.ndarray] = {GROUND: np.zeros(3)}
     bodies, states, joints = {}, {}, {}
+    # All body frames are parallel to the global frame, so that each rod's axis is a global axis.
     for k in range(5):
         direction = corners[k + 1] - corners[k]
         name, centre = names[k + 1], 0.5 * (corners[k] + corners[k + 1])
