@@ -167,7 +167,7 @@ def accelerometer(
         free_length=ARM,
     )
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
-    # A tiny mass on a stiff spring would cause warnings about unusual values.
+    # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
         with_sensor = Scene(
             {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},

@@ -113,7 +113,7 @@ class SliderInGuide(AbstractSharedLawJoint):
         """Return the geometry of each corner's contact with the wall on its side, by label."""
         guide, slider = (motions[name] for name in self.pair())
         upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
-        # The wall stops a corner when the corner is half the height and the clearance off the middle.
+        # A wall's distance from the middle is half the slider's height plus the clearance.
         walls = {side: FlatWall(self.guide_point, upward * side, room) for side in (1.0, -1.0)}
         along = unit(self.slider_axis) * self.half_length
         across = unit(self.slider_normal) * self.half_height
