@@ -221,7 +221,13 @@ class ElastoPlastic(AbstractDampedBristles):
     follows half a sine between. Below z_ba an oscillating load causes no drift. In two dimensions
     alpha is multiplied by the cosine of the angle between slip and deflection.
 
-    **Arguments:** as for `LuGre`, and `elastic_deflection`: z_ba, m, below mu_C/sigma0.
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `stribeck_speed`: v_S, m/s, of g(v) as in `LuGre`.
+    - `elastic_deflection`: z_ba, m, below mu_C/sigma0.
+    - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
+      normal force.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))

@@ -41,7 +41,10 @@ class Motor(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None`` for no limit.

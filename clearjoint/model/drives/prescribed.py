@@ -35,7 +35,10 @@ class PrescribedAngle(AbstractRotationDriver):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `function`: the angle in rad as a function of time in s: a `Spline` through a table, a
       `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX can
       differentiate twice. A Python function is part of the compiled program, has no parameters to

@@ -193,7 +193,10 @@ class DriveTorque(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `torque`: N m, positive towards larger angles: a number, or a function of time such as
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part

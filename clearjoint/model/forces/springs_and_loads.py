@@ -90,7 +90,10 @@ class TorsionalSpring(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
     - `rest_angle`: rad, of the unloaded spring.
 
