@@ -186,7 +186,9 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     **Arguments:**
 
     - `restitution`: requested c, 0 to 1.
-    - `stiffness`, `exponent`, `smoothing`: as in `AbstractHertzianLaw`.
+    - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
+    - `exponent`: n, at least 1; 1.5 by default.
+    - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
     - `entry_speed_floor`: m/s, lower bound of the entry speed, because the damping term diverges at
       zero entry speed.
 

@@ -115,8 +115,11 @@ class PlanarMotion(AbstractMotionSubspace):
 class PlanarJoint(AbstractAxisJoint):
     """Allows sliding in a plane and rotation about its normal, as a plate on a table; three rows.
 
-    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the plane's normal,
-    (3,) in the axes of each body, any length. The plane contains the point of each body.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of the plane on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: the plane's normal on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if a point or axis is invalid.
 

@@ -34,7 +34,8 @@ def double_pendulum(
     - `restitution`: requested of the default law, Lankarani-Nikravesh.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`, `axial`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
+    - `axial`: an `AbstractAxialPolicy`; `FreeAxially()` by default.
 
     **Returns:** the scene and the initial state.
 

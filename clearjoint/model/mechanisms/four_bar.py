@@ -74,7 +74,7 @@ def four_bar(
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2.
 
     **Returns:** the scene and the initial state.

@@ -64,7 +64,7 @@ def slider_crank(
       (0, 0, 1). By default it is a `PrescribedRotation` at constant speed.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2; none by default.
 
     **Returns:** the scene and the initial state.
