@@ -282,7 +282,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
     def slid_out(self, motions: Motions) -> Scalar | None:
         """Return the distance by which the journal has left a bearing of the same length, m.
 
-        It is negative inside, and ``None`` if the axial policy holds the journal.
+        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
         """
         if not self._is_free():
             return None
