@@ -41,17 +41,19 @@ GROUND = "ground"
 True
 """
 DENSITIES = 1e-2, 1e6
-"""Range of a body's equivalent box density, kg/m^3, outside which a warning is issued.
+"""Range of a body's density, kg/m^3, outside which a warning is issued.
 
-Solids have 10 to 2e4. The range is wider, because inertias without effect on a planar motion are
-often guessed, and frames are mostly empty.
+The density is that of a homogeneous box with the body's mass and inertia. Solids have 10 to 2e4.
+The range is wider, because inertias without effect on a planar motion are often guessed, and frames
+are mostly empty.
 """
 THINNEST = 1e-2
-"""Smallest ratio of the shortest to the longest side of the equivalent box."""
+"""Ratio of the shortest to the longest side of the box of equal mass and inertia, below which a
+greater thickness is assumed."""
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
-    """Check the shape and the values of principal moments or an inertia matrix."""
+    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2."""
     require(
         np.shape(value) in ((3,), (3, 3)),
         argument,
@@ -65,7 +67,7 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _check_moments(inertia: np.ndarray) -> None:
-    """Check that moments or a matrix are those of a rigid body."""
+    """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3)."""
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
@@ -88,7 +90,7 @@ def _check_moments(inertia: np.ndarray) -> None:
 
 
 class Body(AbstractReadable):
-    """A rigid body with its frame at the centre of mass.
+    """A rigid body, whose frame has its origin at the centre of mass.
 
     `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` create bodies from dimensions and a
     mass or density.
@@ -239,27 +241,38 @@ class Body(AbstractReadable):
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
         - `inner_diameter`: m, of a hollow sphere; zero by default.
 
-        **Raises:** `ValueError` as `cylinder`.
+        **Raises:** `ValueError` if the diameter is not positive, the hole is too large, or unless
+        exactly one of mass and density is given.
         """
         return Body(*solids.sphere(diameter, mass, density, inner_diameter))
 
     def gyration_radius(self) -> float:
-        """Return the radius of gyration about the centre of mass, m; the numbers must be
-        concrete."""
+        """Return the radius of gyration about the centre of mass, m.
+
+        Mass and inertia must be known numbers, not traced by JAX.
+        """
         inertia = np.asarray(self.inertia)
         trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
         return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
-        """Return inertia times spin in body axes, kg m^2/s, for a body in scalar form."""
+        """Return the angular momentum about the centre of mass, kg m^2/s in body axes.
+
+        The body must be in scalar form, which `unpack` makes of arrays.
+
+        **Arguments:** `spin`: angular velocity, rad/s in body axes.
+        """
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
-    """Return the density of the equivalent homogeneous box, kg/m^3; a flat one counts as a thin
-    plate."""
+    """Return the density of a homogeneous box with a mass, kg, and an inertia, kg m^2.
+
+    `inertia` holds principal moments, (3,), or a matrix, (3, 3). The density is in kg/m^3. A side
+    of nearly zero is replaced by a hundredth of the longest side.
+    """
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
     # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
@@ -267,7 +280,7 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
 
 
 class BodyState(AbstractReadable):
-    """Position and velocity of one body, in arrays or in scalar form.
+    """Position and velocity of one body.
 
     - `position`: (3,) m, centre of mass, global.
     - `orientation`: (4,) Euler parameters, scalar first, body to global.
@@ -286,14 +299,19 @@ class BodyState(AbstractReadable):
 
 
 class State(AbstractReadable):
-    """State of a system.
+    """State of all bodies of a scene, and of its contacts, at one time.
 
-    - `bodies`: `BodyState` by name.
-    - `entry_speeds[joint][contact]`: entry speed of the current contact in m/s, zero in flight;
-      empty for scenes whose laws don't use entry speeds.
-    - `work`: integrals of the energy ledger in J by name; empty unless the ledger is requested.
-    - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body,
-      zero in flight; empty for scenes without bristle laws.
+    To start a motion, `bodies` alone is enough.
+
+    - `bodies`: `BodyState` of each body by name, without the ground.
+    - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
+      and label of the contact; zero without contact. Empty for scenes whose laws don't use entry
+      speeds.
+    - `work`: terms of the energy ledger, J, by name; empty unless the ledger is requested.
+    - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
+      zero without contact. Empty for scenes without bristle laws.
+
+    **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s.
 
     >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
     >>> state.bodies["arm"].position
@@ -325,7 +343,10 @@ class State(AbstractReadable):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force (global axes, N) at the centre of mass and a moment (body axes, N m) about it.
+    """A force at a body's centre of mass, and a moment about the centre of mass.
+
+    - `force`: N in global axes.
+    - `moment`: N m in body axes.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
@@ -350,11 +371,14 @@ Vector(x=0.0, y=0.0, z=0.0)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """A point of a body, `local` in body axes, near a fixed point `origin` of the ground.
+    """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
 
-    `offset` is the small vector from the origin to the point, and `velocity` is the point's, m/s.
-    The offset is stored because the difference of two coordinates of about a metre would have too
-    few digits for penetrations of a few nanometres.
+    - `local`: the point, m in body axes.
+    - `origin`: the fixed point, m in global axes.
+    - `offset`: the small vector from the fixed point to the body's point, m in global axes. It is
+      stored because the difference of two coordinates of about a metre would have too few digits
+      for penetrations of a few nanometres.
+    - `velocity`: of the body's point, m/s in global axes.
     """
 
     local: Vector
@@ -366,11 +390,13 @@ class Anchor:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Pose and twist of a body: the interface between coordinates and elements.
+    """Position, orientation, velocity and spin of a body, from which elements compute their forces.
 
-    Position and velocity are global, the spin is in body axes, and `rotation` transforms body
-    components to global ones. With an `anchor`, positions and velocities of points near it are more
-    accurate.
+    - `position`: of the centre of mass, m in global axes.
+    - `rotation`: matrix that transforms components in body axes to global axes.
+    - `velocity`: of the centre of mass, m/s in global axes.
+    - `spin`: angular velocity, rad/s in body axes.
+    - `anchor`: optional; positions and velocities of points near the anchor are more accurate.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
     >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
@@ -384,11 +410,15 @@ class Motion:
     anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
-        """Return the global position of a point in body axes, m (eqs 6 and 7)."""
+        """Return the position in global axes of the point `local` in body axes, m (eqs 6 and 7)."""
         return self.position + self.rotation @ local
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
-        """Return the vector from a fixed global point to a point in body axes, m."""
+        """Return the vector from a fixed point to a point of the body, m in global axes.
+
+        **Arguments:** `origin`: fixed point, m in global axes. `local`: point of the body, m in
+        body axes.
+        """
         if self.anchor is None:
             return self.point(local) - origin
         # The small vectors are added first, so that large coordinates don't round them.
@@ -396,34 +426,36 @@ class Motion:
         return (self.anchor.origin - origin) + near
 
     def direction(self, local: Vector) -> Vector:
-        """Return the global components of a direction in body axes."""
+        """Return the components in global axes of a vector `local` in body axes."""
         return self.rotation @ local
 
     def components(self, vector: Vector) -> Vector:
-        """Return the components in body axes of a global vector."""
+        """Return the components in body axes of a vector in global axes."""
         return self.rotation.transposed_times(vector)
 
     def velocity_at(self, local: Vector) -> Vector:
-        """Return the global velocity of a material point in body axes, m/s (eq. 19)."""
+        """Return the velocity of a point of the body, m/s in global axes (eq. 19).
+
+        **Arguments:** `local`: the point, m in body axes.
+        """
         if self.anchor is None:
             return self.velocity + self.rotation @ self.spin.cross(local)
         arm = local - self.anchor.local
         return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
 
     def wrench(self, force: Vector, local: Vector) -> Wrench:
-        """Return a global force at a point in body axes as a wrench about the centre of mass (eqs
-        22-23).
+        """Return the wrench of a force that acts at a point of the body (eqs 22-23).
 
-        Arms in body axes have no rounding errors from global positions.
+        **Arguments:** `force`: N in global axes. `local`: the point, m in body axes.
         """
         return Wrench(force, local.cross(self.components(force)))
 
     def torque(self, torque: Vector) -> Wrench:
-        """Return a pure torque, given in global axes, as a wrench."""
+        """Return the wrench of a pure torque, N m in global axes."""
         return Wrench(ZERO, self.rotation.transposed_times(torque))
 
     def power(self, wrench: Wrench) -> Scalar:
-        """Return the power of a wrench on this motion, W."""
+        """Return the power of a wrench on the moving body, W."""
         return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
 
 

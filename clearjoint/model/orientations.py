@@ -15,7 +15,9 @@ MOST_REVOLUTIONS = 2
 
 
 def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
-    """Return the Euler parameters of a rotation about an axis, for any `orientation` argument.
+    """Return the Euler parameters of a rotation about an axis.
+
+    They suit the arguments `orientation` of bodies, joints and drives.
 
     ```python
     import clearjoint as cj

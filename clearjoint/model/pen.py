@@ -1,7 +1,7 @@
 """Drawing interface: an element describes its appearance with the methods of a pen.
 
-An element draws itself in `AbstractElement.draw(pen)`. The pen determines the style and the size of
-symbols, so that one description serves all kinds of figures. User-defined elements use the same
+An element draws itself in its method `draw(pen)`. The pen determines the style and the size of
+symbols, so that the same `draw` serves all kinds of figures. User-defined elements use the same
 methods.
 """
 
@@ -15,11 +15,11 @@ from ..fields.types import Single, Triple
 
 
 class Marker(NamedTuple):
-    """A point of a body with an optional direction.
+    """A point of a body with an optional direction, at which a pen draws a symbol.
 
     - `body`: name of the body.
-    - `point`: (3,) m in its axes.
-    - `axis`: (3,) in its axes, any length, or ``None``.
+    - `point`: (3,) m in body axes.
+    - `axis`: direction, (3,) in body axes, any length; ``None``, the default, for none.
 
     >>> extend.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
     array([0. , 0.6, 0.8])
@@ -30,7 +30,7 @@ class Marker(NamedTuple):
     axis: Triple | None = None
 
     def along(self) -> np.ndarray:
-        """Return the direction as a unit vector, (3,).
+        """Return the marker's direction as a unit vector, (3,) in body axes.
 
         **Raises:** `ValueError` if the marker has no axis.
         """
@@ -41,7 +41,10 @@ class Marker(NamedTuple):
 
 
 class AbstractPen(abc.ABC):
-    """Draws symbols at points of one or two bodies; the first body's marker comes first.
+    """Interface that draws symbols at the markers of one or two bodies.
+
+    In a method with two markers, the first belongs to the element's first body. In this example an
+    element draws itself as a spring:
 
     ```python
     import clearjoint as cj
@@ -64,15 +67,15 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def mark(self, marker: Marker) -> None:
-        """Draw a point of action without a specific symbol."""
+        """Draw a dot at a point that has no specific symbol."""
 
     @abc.abstractmethod
     def weld(self, first: Marker, second: Marker) -> None:
-        """Draw a rigid connection."""
+        """Draw a rigid connection of two bodies."""
 
     @abc.abstractmethod
     def pin(self, first: Marker, second: Marker) -> None:
-        """Draw a hinge about the markers' axes."""
+        """Draw a hinge; the axis of each marker is the axis of rotation."""
 
     @abc.abstractmethod
     def ball(self, first: Marker, second: Marker) -> None:
@@ -84,12 +87,14 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block, or a sleeve if it is `turning`, on a rail along the first marker's axis."""
+        """Draw a block on a rail along the axis of the marker `rail`.
+
+        If `turning` is true, draw a sleeve that can rotate about the rail instead of a block.
+        """
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Draw a plane perpendicular to the first marker's axis, which contains the second
-        point."""
+        """Draw a plane perpendicular to the axis of the marker `plane`, and a `point` in it."""
 
     @abc.abstractmethod
     def rod(self, first: Marker, second: Marker) -> None:
@@ -113,36 +118,53 @@ class AbstractPen(abc.ABC):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Draw a journal in a bearing, along the markers' axes.
+        """Draw a journal in a bearing, each along the axis of its marker.
 
-        `radius` of the bearing, ``None`` if unknown, radial `clearance` and `length` are in m.
+        **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
+        ``None`` if unknown. `clearance`: radial, m. `length`: of the journal, m.
         """
 
     @abc.abstractmethod
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw a ball in a socket; radius of the socket and radial clearance are in m."""
+        """Draw a ball in a socket.
+
+        **Arguments:** `socket`, `ball`: centres. `radius`: of the socket, m. `clearance`: radius of
+        the socket less that of the ball, m.
+        """
 
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two walls perpendicular to `normal`, at a `distance` in m, with a marker midway
-        between.
+        """Draw two parallel walls that guide a part of another body.
 
-        They are as long as the path of the second body's `runner` between them.
+        **Arguments:**
+
+        - `middle`: a point midway between the walls.
+        - `runner`: centre of the part; the walls are as long as its path.
+        - `normal`: of the walls, (3,) in the axes of the body of `middle`.
+        - `distance`: of the walls, m.
         """
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a block with a `length`, m, along the marker's axis and a `height`, m, along
-        `normal`."""
+        """Draw a block.
+
+        **Arguments:** `centre`: of the block, with an axis. `normal`: (3,) in the same body's axes.
+        `length`: along the axis, m. `height`: along the normal, m.
+        """
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder with a radius in m, perpendicular to the plane of motion."""
+        """Draw a cylinder with a `radius`, m, and its axis perpendicular to the plane of motion."""
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a spur gear with a pitch radius in m, negative for an internal gear.
+        """Draw a spur gear.
 
-        `phase` is the angle in rad of the middle of a tooth, from the first transverse axis of the
-        marker's axis.
+        **Arguments:**
+
+        - `centre`: of the gear, with its axis.
+        - `radius`: of the pitch circle, m, negative for an internal gear.
+        - `teeth`: number of teeth.
+        - `phase`: angle of the middle of a tooth, rad, from the first transverse axis of the
+          marker's axis.
         """

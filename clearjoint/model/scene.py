@@ -29,7 +29,10 @@ def unconnected_bodies(
     joints: Mapping[str, AbstractElement],
     forces: Mapping[str, AbstractElement],
 ) -> list[str]:
-    """Return the bodies that no element acts on, in a scene with joints."""
+    """Return the names of the bodies on which no joint and no force acts.
+
+    The list is empty for a scene without joints.
+    """
     named = {
         body for element in (*joints.values(), *forces.values()) for body in element.body_names()
     }
@@ -39,7 +42,7 @@ def unconnected_bodies(
 def unheld_drives(
     joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
 ) -> list[str]:
-    """Return the drives about an axis whose two bodies no chain of joints connects."""
+    """Return the names of the drives about an axis whose two bodies no chain of joints connects."""
     drives = {
         name: element
         for name, element in {**joints, **forces}.items()
@@ -54,7 +57,10 @@ def unheld_drives(
 
 
 def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """Return the bodies that chains of links connect with a body, including the body."""
+    """Return the names of the bodies that chains of links connect with a body, and its own name.
+
+    A link is the names of all bodies of one joint.
+    """
     connected, remaining = {body}, [set(link) for link in links]
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
@@ -72,16 +78,19 @@ STRONGEST_GRAVITY = 1e3
 class Scene(AbstractReadable):
     """A mechanism: bodies, joints, forces and gravity.
 
-    A scene is a PyTree. Changing its numbers doesn't recompile.
+    A scene is a PyTree. Runs of scenes that differ only in their numbers use the same compiled
+    program.
 
     **Arguments:**
 
-    - `bodies`: `Body` by name. The name "ground" is reserved for the fixed body.
-    - `joints`: ideal joints and clearance joints by name.
-    - `forces`: springs, dampers and loads by name.
-    - `gravity`: (3,) m/s^2, or ``None``.
+    - `bodies`: `Body` by name, at least one. The name "ground" is reserved for the fixed body.
+    - `joints`: ideal joints, clearance joints and drivers by name.
+    - `forces`: springs, dampers, loads and drive torques by name.
+    - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
 
-    **Raises:** `ValueError` if an element has the wrong class or names an unknown body.
+    **Raises:** `ValueError` if there is no body, an element has the wrong class or names an unknown
+    body, or a joint and a force have the same name.
+    **Warns:** `LooseBodyWarning` if nothing acts on a body, or no joint holds the axis of a drive.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -148,7 +157,7 @@ class Scene(AbstractReadable):
             )
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Return the joints with contacts by name."""
+        """Return the joints that have contacts, by name."""
         return {
             name: joint
             for name, joint in self.joints.items()
@@ -156,12 +165,15 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the bristle laws by joint and contact."""
+        """Return the bristle laws, ``laws[joint][contact]``, by joint name and contact label.
+
+        Joints without bristle laws are left out.
+        """
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
-        """Return the normal laws by joint and contact."""
+        """Return the normal laws, ``laws[joint][contact]``, by joint name and contact label."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
@@ -177,7 +189,7 @@ def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) ->
 
 
 def _hint_for(element: object) -> str:
-    """Return the argument of `Scene` for an element's class, as the end of a remedy."""
+    """Return the end of an error message: in which argument of `Scene` an element belongs."""
     families = {
         "bodies": Body,
         "joints": (AbstractConstraint, AbstractContactJoint),
@@ -188,9 +200,9 @@ def _hint_for(element: object) -> str:
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that an element names bodies of the scene.
+    """Check that all bodies that an element names are in the scene.
 
-    It is a function, because looking up a method would flatten the whole unfinished scene.
+    **Raises:** `ValueError` with the nearest known name; `argument` names the element.
     """
     known = {GROUND, *bodies}
     for name in element.body_names():
@@ -203,7 +215,10 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points far from their body's centre of mass, which suggest a wrong unit."""
+    """Warn of an element's points far from their body's centre of mass: their unit may be wrong.
+
+    `argument` names the element in the warning. Points with traced numbers are not checked.
+    """
     for name, body, point in element.attachments():
         numbers = (bodies[body], point) if body in bodies else ()
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):

@@ -23,18 +23,21 @@ METRES = "give it in m"
 LIGHTEST, HEAVIEST = 10.0, 25e3
 """Usual range of the density of solids, kg/m^3, from foams to platinum."""
 Number = PyTree
-"""A number as passed by a user, or a traced one."""
+"""A number that a user passes, with or without unit, or that JAX traces; ``None`` if not given."""
 
 
 class Solid(NamedTuple):
-    """Mass, kg, and principal moments about the centre of mass, (3,) kg m^2."""
+    """Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
 
     mass: ArrayLike
     moments: PyTree
 
 
 def require_one(mass: Number, density: Number) -> None:
-    """Check that exactly one of mass and density is given."""
+    """Check that exactly one of mass and density is not ``None``.
+
+    **Raises:** `ValueError` otherwise.
+    """
     given = {"mass": mass, "density": density}
     named = [name for name, value in given.items() if value is not None]
     remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
@@ -42,10 +45,10 @@ def require_one(mass: Number, density: Number) -> None:
 
 
 def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
-    """Return a rod with a known mass only.
+    """Return mass and moments of a thin rod from its length, m, and mass, kg.
 
-    The transverse moments are m l^2/12. The moment about the axis is that of a round steel bar of
-    this mass and length, which must be longer than thick.
+    The moments across the axis are m l^2/12. The moment about the axis is that of a round steel bar
+    of this mass and length, which must be longer than thick. `axis` is "x", "y" or "z".
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
@@ -64,9 +67,11 @@ def cylinder(
     inner_diameter: Number,
     axis: str,
 ) -> Solid:
-    """Return a cylinder or tube.
+    """Return mass and moments of a cylinder or tube from its dimensions, m.
 
-    Its moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it.
+    The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it, with
+    the outer and inner diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
+    `axis` is "x", "y" or "z".
     """
     diameter, length = _length("diameter", diameter), _length("length", length)
     inner = _inner(inner_diameter, diameter)
@@ -77,7 +82,11 @@ def cylinder(
 
 
 def box(lengths: Number, mass: Number, density: Number) -> Solid:
-    """Return a box with sides along x, y and z; the first moment is m (b^2 + c^2)/12."""
+    """Return mass and moments of a box from its `lengths` along x, y and z, (3,) m.
+
+    The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z. Either the mass,
+    kg, or the density, kg/m^3, is ``None``.
+    """
     lengths = as_number(lengths)
     require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
     sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
@@ -87,7 +96,11 @@ def box(lengths: Number, mass: Number, density: Number) -> Solid:
 
 
 def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Number) -> Solid:
-    """Return a sphere, solid or hollow: m (D^5 - d^5)/(10 (D^3 - d^3)) about every axis."""
+    """Return mass and moments of a solid or hollow sphere from its diameters, m.
+
+    The moment about every axis is m (D^5 - d^5)/(10 (D^3 - d^3)), with the outer and inner
+    diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
+    """
     diameter = _length("diameter", diameter)
     inner = _inner(inner_diameter, diameter)
     cubes = diameter**3 - inner**3
@@ -96,13 +109,16 @@ def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Numb
 
 
 def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
-    """Return a solid of revolution about one of the body's axes."""
+    """Return a solid of revolution about the body's `axis`, "x", "y" or "z".
+
+    **Arguments:** `mass`: kg. `about`, `across`: moments about and across the axis, kg m^2.
+    """
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
     return Solid(mass, as_numbers([about if axis == name else across for name in AXES]))
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
-    """Return the given mass, kg, or that of a volume, m^3, with the given density."""
+    """Return the mass, kg, if given, otherwise density, kg/m^3, times volume, m^3."""
     require_one(mass, density)
     if mass is not None:
         return _number("mass", mass, "give it in kg")

@@ -39,7 +39,7 @@ SPRING = " spring"
 class AccelerometerReading(AbstractQuantity):
     """Signal of an accelerometer created by `clearjoint.accelerometer`, m/s^2.
 
-    **Arguments:** `sensor`: its name.
+    **Arguments:** `sensor`: name of the sensor, which is that of its body and joint in the scene.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
@@ -52,12 +52,15 @@ class AccelerometerReading(AbstractQuantity):
     unit: ClassVar[str | None] = "m/s^2"
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the sensor."""
+        """Check that the scene has the sensor.
+
+        **Raises:** `ValueError` with the names of the scene's sensors.
+        """
         springs = {name.removesuffix(SPRING) for name in scene.forces if name.endswith(SPRING)}
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the spring force over the mass, m/s^2."""
+        """Return the force of the sensor's spring over its mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
@@ -67,7 +70,11 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """A scene and a state with an accelerometer, and the quantity of its signal.
+    """Result of `accelerometer`: a scene and a state with a sensor, and the quantity of its signal.
+
+    - `scene`: the mechanism with the sensor's body, joint and spring.
+    - `state`: the state with the sensor's body.
+    - `reading`: the sensor's signal, m/s^2.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
@@ -160,6 +167,7 @@ def accelerometer(
         free_length=ARM,
     )
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
+    # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
         with_sensor = Scene(
             {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
@@ -174,7 +182,10 @@ def accelerometer(
 
 
 def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
-    """Check that the body exists, and that the sensor's name is not in use."""
+    """Check that scene and state have the body, and that the sensor's name is not in use.
+
+    **Raises:** `ValueError` otherwise.
+    """
     remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
     require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
@@ -185,9 +196,15 @@ def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
 def _state_at_rest(
     body: BodyState, scene: Scene, position: np.ndarray, direction: np.ndarray, speed: float
 ) -> BodyState:
-    """Return the state of the seismic mass, deflected only by gravity.
+    """Return the state of the seismic mass, at rest on its body with its deflection by gravity.
 
-    `position` on the body is (3,) m, and `speed` is the spring's angular frequency, rad/s.
+    **Arguments:**
+
+    - `body`: state of the body that carries the sensor.
+    - `scene`: gives the gravity.
+    - `position`: of the sensor, (3,) m in the body's axes.
+    - `direction`: of the sensor, a unit vector (3,) in the body's axes.
+    - `speed`: angular frequency of the mass on its spring, rad/s.
     """
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)

@@ -29,9 +29,9 @@ class AngularVelocity(AbstractBodyQuantity):
 
     **Arguments:**
 
-    - `body`: its name.
-    - `component`: "x", "y", "z", or ``None`` for the magnitude.
-    - `axes`: "global" or "body", in which the component is taken.
+    - `body`: name of the body.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
+    - `axes`: "global", the default, or "body", in which the component is taken.
 
     **Raises:** `ValueError` for other components or axes.
     """
@@ -61,7 +61,13 @@ class AngularAcceleration(AbstractBodyQuantity):
     jolt = cj.quantities.AngularAcceleration("arm 2", "z")
     ```
 
-    **Arguments, raises:** as for `AngularVelocity`.
+    **Arguments:**
+
+    - `body`: name of the body, which can't be the ground.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
+    - `axes`: "global", the default, or "body", in which the component is taken.
+
+    **Raises:** `ValueError` for other components or axes.
     """
 
     body: str = eqx.field(static=True)
@@ -86,7 +92,7 @@ class AbstractAngleRate(AbstractJointQuantity):
     """A time derivative of the angle of a joint, driver or drive torque; see `JointAngle`."""
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints and forces with an angle."""
+        """Return the names of the scene's joints and forces that have a relative angle."""
         return elements_with_angle(scene)
 
 
@@ -121,7 +127,7 @@ class JointAngularAcceleration(AbstractAngleRate):
     acceleration = cj.quantities.JointAngularAcceleration("crank pin")
     ```
 
-    **Arguments:** as for `JointAngularVelocity`.
+    **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
     """
 
     joint: str = eqx.field(static=True)

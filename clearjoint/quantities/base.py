@@ -35,12 +35,12 @@ Quantity = Callable[[Instant], Scalar]
 
 
 class AbstractQuantity(eqx.Module):
-    """A scalar function of an instant.
+    """Base class of quantities: scalar functions of an instant with a unit and a check.
 
-    - `unit`: SI unit; ``None`` if it depends on the scene.
+    - `unit`: SI unit as text; ``None`` if it depends on the scene.
     - `period`: 2 pi for an angle, whose differences are taken modulo 2 pi; otherwise ``None``.
 
-    Its fields are static: a quantity is part of the compiled program.
+    All fields of a subclass must be static: a quantity is part of the compiled program.
 
     ```python
     from typing import ClassVar
@@ -74,7 +74,7 @@ class AbstractQuantity(eqx.Module):
     def check(self, scene: Scene) -> None:
         """Check that the scene has the elements that the quantity names.
 
-        **Raises:** `ValueError` with a list of the available names.
+        **Raises:** `ValueError` with a list of the scene's names.
         """
 
 
@@ -92,14 +92,20 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check for a function of an instant."""
+    """Check that a value can be called with an instant.
+
+    **Raises:** `ValueError` that begins with `argument`, the name of the user's argument.
+    """
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is one of the scene's names."""
+    """Check that a name is among the scene's names `known`.
+
+    **Raises:** `ValueError` that begins with `argument` and suggests the nearest name.
+    """
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")
@@ -107,27 +113,33 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def require_component(component: str | None, *, magnitude: bool = False) -> None:
-    """Check for "x", "y" or "z"; with `magnitude`, ``None`` is allowed too."""
+    """Check that a component is "x", "y" or "z", or ``None`` if `magnitude` is true.
+
+    **Raises:** `ValueError` otherwise.
+    """
     allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
     require(component in allowed, "component", component, f"one of {allowed}", "pass one of these")
 
 
 def require_axes(axes: str) -> None:
-    """Check for "global" or "body"."""
+    """Check that `axes` is "global" or "body".
+
+    **Raises:** `ValueError` otherwise.
+    """
     known = ("global", "body")
     require(axes in known, "axes", axes, f"one of {known}", "pass one of these")
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:
-    """Return a row of numbers as a tuple, which compares and hashes by value."""
+    """Return numbers, (N,), as a tuple, which unlike an array compares and hashes by value."""
     return tuple(np.atleast_1d(as_number(values)).tolist())
 
 
 def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
-    """Return a row of numbers as a tuple, or ``None``."""
+    """Return numbers, (N,), as a tuple, or ``None`` unchanged."""
     return None if values is None else numbers(values)
 
 
 def component_or_magnitude(vector: Vector, component: Component | None) -> Scalar:
-    """Return a component of a vector, or its magnitude for ``None``."""
+    """Return the component "x", "y" or "z" of a vector, or the vector's magnitude for ``None``."""
     return norm_and_direction(vector)[0] if component is None else getattr(vector, component)

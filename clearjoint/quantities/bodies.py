@@ -28,14 +28,20 @@ from .instant import Instant
 
 
 class AbstractBodyQuantity(AbstractQuantity):
-    """A quantity of one body; `applies_to_ground` states whether the ground has it too."""
+    """Base class of quantities of one body, whose name is `body`.
+
+    `applies_to_ground` states whether `body` may be the ground.
+    """
 
     body: eqx.AbstractVar[str]
     applies_to_ground: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a body of this name; the ground counts if it has the
-        quantity."""
+        """Check that the scene has a body of this name, which may be the ground if
+        `applies_to_ground` is true.
+
+        **Raises:** `ValueError` with the names of the bodies.
+        """
         bodies = [GROUND, *scene.bodies] if self.applies_to_ground else scene.bodies
         require_known("body", self.body, bodies)
 
@@ -108,7 +114,7 @@ class Acceleration(AbstractBodyQuantity):
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """A quantity of a point of a body; `point` is (3,) m in body axes."""
+    """Base class of quantities of a point of a body; `point` is (3,) m in body axes."""
 
     point: eqx.AbstractVar[tuple[float, ...]]
 
@@ -146,7 +152,11 @@ class PointPosition(AbstractPointQuantity):
 class PointVelocity(AbstractPointQuantity):
     """Velocity of a point of a body, m/s: its magnitude or a global component.
 
-    **Arguments:** as for `PointPosition`; `component` may be ``None`` for the magnitude.
+    **Arguments:**
+
+    - `body`: its name.
+    - `point`: (3,) m in body axes.
+    - `component`: "x", "y", "z" in global axes, or ``None`` for the magnitude.
 
     >>> tip = cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y")
     >>> tip.unit
@@ -176,7 +186,9 @@ class PointAcceleration(AbstractPointQuantity):
 
     **Arguments:**
 
-    - `body`, `point`, `component`: as for `PointVelocity`.
+    - `body`: its name.
+    - `point`: (3,) m in body axes.
+    - `component`: "x", "y", "z", or ``None`` for the magnitude.
     - `axes`: "global" or "body", in which the component is taken.
     - `gravity`: whether the scene's gravity is subtracted from the acceleration.
 
@@ -213,16 +225,17 @@ class PointAcceleration(AbstractPointQuantity):
 class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
-    It is the angle of the direction's projection on the plane perpendicular to the axis.
+    The body's direction is projected on the plane perpendicular to the fixed axis, and the angle
+    is measured in this plane from a fixed direction of zero angle.
 
     **Arguments:**
 
     - `body`: its name.
     - `about`: the fixed axis, (3,) in global axes, any length.
-    - `reference`: the direction of zero angle, (3,) in global axes; by default it has the
-      components of `axis`.
-    - `axis`: the body's direction, (3,) in body axes; by default a direction perpendicular to
-      `about`, so that a body that rotates about the fixed axis only has its angle of rotation.
+    - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
+      are those of `axis`.
+    - `axis`: the body's direction, (3,) in body axes. The default is perpendicular to `about`: for
+      a body that only rotates about the fixed axis, the angle is then its angle of rotation.
 
     **Raises:** `ValueError` if a direction is parallel to `about` or has zero length.
 
@@ -302,7 +315,10 @@ class Distance(AbstractQuantity):
             require_axis("along", self.along)
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has both bodies."""
+        """Check that the scene has both bodies.
+
+        **Raises:** `ValueError` with the names of the bodies.
+        """
         for argument in ("first", "second"):
             require_known(argument, getattr(self, argument), [GROUND, *scene.bodies])
 

@@ -22,13 +22,16 @@ from ..model.scene import Scene
 
 @jax.tree_util.register_pytree_node_class
 class Instant:
-    """A scene at one time of a run, in scalar form. Properties are computed on first use.
+    """A scene and its motion at one time of a run: the argument of quantities.
+
+    Vectors are in scalar form, with the fields `x`, `y` and `z`. Properties are computed on first
+    use. Bodies, joints and contacts have the names of the user's scene, even if the run evaluates
+    them in groups.
 
     - `time`: s.
-    - `work[name]`: integrals of the energy ledger, J; "friction" includes the energy in bristles.
+    - `work[name]`: terms of the energy ledger, J; "friction" includes the energy in bristles.
 
-    Bodies, joints and contacts have their own names, even if the run evaluates them in groups. An
-    instant is a PyTree; the instants `inside` its step are not part of the PyTree.
+    An instant is a PyTree, which doesn't include the instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -56,7 +59,7 @@ class Instant:
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
-        """Return the dynamic parts for JAX."""
+        """Return the traced parts of the instant, and ``None`` for the static data, for JAX."""
         parts = (
             self._system,
             self._own_time,
@@ -69,23 +72,25 @@ class Instant:
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
-        """Return the instant with the given parts."""
+        """Return the instant with the parts of `tree_flatten`, for JAX."""
         return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene, with groups of elements expanded."""
+        """The scene as the user gave it, in scalar form, without groups of elements."""
         return self._system.ungrouped()
 
     @cached_property
     def entry_speeds(self) -> EntrySpeeds:
-        """Entry speeds of the contacts, m/s, by joint and contact; zero in flight."""
+        """Entry speeds, m/s, ``entry_speeds[joint][contact]``; zero without contact."""
         return by_name(self._entry_speeds)
 
     @cached_property
     def bristles(self) -> Bristles:
-        """Bristle deflections, m, by joint and contact, in the axes of the first body; zero in
-        flight."""
+        """Bristle deflections, m, ``bristles[joint][contact]``; zero without contact.
+
+        Each is a vector in the axes of the joint's first body.
+        """
         return by_name(self._bristles)
 
     def inside(self, fraction: Scalar) -> "Instant":
@@ -106,12 +111,12 @@ class Instant:
 
     @cached_property
     def motions(self) -> Motions:
-        """Pose and twist of each body."""
+        """Motion of each body by name: position, rotation matrix, velocity and spin."""
         return by_name(self._motions)
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
-        """Position, orientation, velocity and spin of each body, as in a state."""
+        """State of each body by name: position, Euler parameters, velocity and spin."""
         return by_name(self._system.decode(self._variables))
 
     @cached_property
@@ -120,7 +125,7 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces of all contacts, by joint and contact."""
+        """Geometry and forces of all contacts, ``contacts[joint][contact]``."""
         forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
         return by_name(forces)
 
@@ -133,7 +138,7 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Depth of each contact, m, relative to its onset, and its rate, m/s."""
+        """Depth of each contact beyond its onset, m, and its rate, m/s, by joint and contact."""
         return by_name(contact_gaps(self._system.scene, self._motions))
 
     @cached_property

@@ -27,21 +27,24 @@ from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):
-    """A quantity of the joint with the name `joint`."""
+    """Base class of quantities of a joint, whose name is `joint`."""
 
     joint: eqx.AbstractVar[str]
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a joint of this name with this quantity."""
+        """Check that the scene has a joint of this name to which the quantity applies.
+
+        **Raises:** `ValueError` with the names of these joints.
+        """
         require_known("joint", self.joint, self.joints(scene))
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the scene's joints that have the quantity; all joints by default."""
+        """Return the names of the joints to which the quantity applies; all joints by default."""
         return scene.joints
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """A quantity of a contact of a joint; `contact` is its name, such as "V"."""
+    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V"."""
 
     contact: eqx.AbstractVar[str | None]
 
@@ -50,7 +53,10 @@ class AbstractContactQuantity(AbstractJointQuantity):
         return scene.contact_joints()
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and the joint the contact."""
+        """Check that the scene has the joint, and that the joint has the contact.
+
+        **Raises:** `ValueError` with the available names.
+        """
         super().check(scene)
         if self.contact is not None:
             require_known("contact", self.contact, scene.laws()[self.joint])
@@ -59,7 +65,8 @@ class AbstractContactQuantity(AbstractJointQuantity):
 class ContactForce(AbstractContactQuantity):
     """Normal force of a contact, N; without `contact` the largest force of the joint's contacts.
 
-    **Arguments:** `joint`, `contact`: names; `contact` may be ``None``.
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V", or
+    ``None``, the default.
 
     >>> largest = cj.quantities.ContactForce("shoulder")
     >>> base = cj.quantities.ContactForce("shoulder", "V")
@@ -84,6 +91,8 @@ class ContactForce(AbstractContactQuantity):
 class FrictionForce(AbstractContactQuantity):
     """Magnitude of the friction force at a contact, N; zero without friction.
 
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
+
     >>> quantity = cj.quantities.FrictionForce("shoulder", "V")
     >>> quantity.unit
     'N'
@@ -100,7 +109,9 @@ class FrictionForce(AbstractContactQuantity):
 
 
 class Penetration(AbstractContactQuantity):
-    """Penetration of a contact, m; negative in flight, with upward zero crossings at onsets.
+    """Penetration of a contact, m; negative while the surfaces are apart.
+
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
     >>> quantity = cj.quantities.Penetration("shoulder", "V")
     >>> quantity.unit
@@ -112,12 +123,14 @@ class Penetration(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m"
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the penetration, m; negative in flight."""
+        """Return the penetration, m."""
         return now.contacts[self.joint][self.contact].contact.gap.depth
 
 
 class PenetrationRate(AbstractContactQuantity):
-    """Rate of a contact's penetration, m/s; at an onset it is the entry speed.
+    """Rate of a contact's penetration, m/s; at an onset it equals the entry speed.
+
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
     >>> quantity = cj.quantities.PenetrationRate("shoulder", "V")
     >>> quantity.unit
@@ -134,9 +147,11 @@ class PenetrationRate(AbstractContactQuantity):
 
 
 class EntrySpeed(AbstractContactQuantity):
-    """Entry speed of the current contact, m/s; zero in flight.
+    """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
     It exists only for contacts whose law uses the entry speed.
+
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
     >>> quantity = cj.quantities.EntrySpeed("shoulder", "V")
     >>> quantity.unit
@@ -148,14 +163,16 @@ class EntrySpeed(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the entry speed, m/s; zero in flight."""
+        """Return the entry speed, m/s."""
         return now.entry_speeds[self.joint][self.contact]
 
 
 class BristleDeflection(AbstractContactQuantity):
-    """Magnitude of the bristle deflection of a contact, m; zero in flight.
+    """Magnitude of the bristle deflection of a contact, m; zero while the surfaces are apart.
 
     It exists only for contacts with an `AbstractBristleFriction`.
+
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
     >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
     >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
@@ -180,7 +197,7 @@ class BristleDeflection(AbstractContactQuantity):
 
 
 class AbstractJournalQuantity(AbstractJointQuantity):
-    """A quantity of the journal of a clearance joint, or of one of its bases, "V" or "W"."""
+    """Base class of positions, m, of a journal or of one of its bases, "V" or "W"."""
 
     unit: ClassVar[str | None] = "m"
 
@@ -189,9 +206,10 @@ class AbstractJournalQuantity(AbstractJointQuantity):
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to that of the journal or of a base, m.
+        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame, whose z axis is the bearing's axis.
+        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
+        "W", or ``None`` for the journal's centre.
         """
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, HasJournal)
@@ -253,10 +271,10 @@ class Eccentricity(AbstractJournalQuantity):
 
 
 class Multiplier(AbstractJointQuantity):
-    """Lagrange multiplier of a constraint row: the force or moment by which the joint holds it.
+    """Lagrange multiplier of a constraint row: the force or moment by which the joint satisfies it.
 
-    The unit is N for a row in m, otherwise N m. For a driver, the multiplier is the
-    driving force or moment. Joints that the coordinates eliminate have no multipliers; use
+    The unit is N for a row in m, otherwise N m. For a driver, the multiplier is the driving force
+    or moment. In joint coordinates, joints with a motion subspace have no multipliers; use
     `Reaction` for them.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
@@ -275,18 +293,27 @@ class Multiplier(AbstractJointQuantity):
 
 
 class AbstractReaction(AbstractJointQuantity):
-    """A reaction of a joint on one of its bodies; `body` is its name, which may be the ground."""
+    """Base class of reactions of a joint on one of its bodies.
+
+    `body` is the name of the body on which the reaction acts, which may be the ground.
+    """
 
     body: eqx.AbstractVar[str]
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint acts on the body."""
+        """Check that the scene has the joint, and that the joint acts on the body.
+
+        **Raises:** `ValueError` with the available names.
+        """
         super().check(scene)
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the wrench of the joint's constraints: Jacobians of the rows times their
-        multipliers."""
+        """Return the wrench of the joint's constraint rows on the body.
+
+        It is the sum of the rows' Jacobians times their Lagrange multipliers: a force, N in global
+        axes, and a moment about the centre of mass, N m in body axes.
+        """
         dynamics, wrench = now.absolute_dynamics, NO_WRENCH
         for label, row in dynamics.rows[self.joint].items():
             if self.body in row.jacobian:
@@ -298,9 +325,10 @@ class AbstractReaction(AbstractJointQuantity):
 class Reaction(AbstractReaction):
     """Force of a joint on one of its bodies, N: its magnitude or a global component.
 
-    For an ideal joint it is the reaction of `observe`, even if the coordinates eliminate the joint.
-    With redundant constraints it isn't unique, and the least-norm solution is used. For a joint
-    with clearance it is the sum of normal forces, friction, film force and axial reaction.
+    For an ideal joint the force follows from the multipliers of its constraint rows, which are
+    computed even if the run uses joint coordinates. With redundant constraints it isn't unique, and
+    the multipliers of least norm are used. For a joint with clearance the force is the sum of
+    normal forces, friction, film force and axial reaction.
 
     ```python
     import clearjoint as cj
@@ -311,8 +339,9 @@ class Reaction(AbstractReaction):
 
     **Arguments:**
 
-    - `joint`, `body`: names; the body may be the ground.
-    - `component`: "x", "y", "z", or ``None`` for the magnitude.
+    - `joint`: name of the joint.
+    - `body`: name of the body on which the force acts, which may be the ground.
+    - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
 
     >>> force = cj.quantities.Reaction("elbow", "arm 3")
     >>> force.unit
@@ -337,7 +366,7 @@ class Reaction(AbstractReaction):
         return component_or_magnitude(force, self.component)
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
-        """Return the force of the contacts and the film on the body, N, global."""
+        """Return the force of the contacts and the film on the body, N in global axes."""
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
             # A contact with `turning` acts as a couple, without a net force.
@@ -349,9 +378,10 @@ class Reaction(AbstractReaction):
 
 
 class ReactionMoment(AbstractReaction):
-    """Moment of an ideal joint on one of its bodies about the joint's point on it, N m.
+    """Moment of an ideal joint on one of its bodies, N m: its magnitude or a component.
 
-    For a driver it is the driving moment. It is unique under the same conditions as `Reaction`.
+    The moment refers to the joint's point on the body. For a driver it is the driving moment. With
+    redundant constraints it isn't unique, and the multipliers of least norm are used.
 
     ```python
     import clearjoint as cj
@@ -361,9 +391,10 @@ class ReactionMoment(AbstractReaction):
 
     **Arguments:**
 
-    - `joint`, `body`: names.
-    - `component`: "x", "y", "z", or ``None`` for the magnitude.
-    - `axes`: "global" or "body", in which the component is taken.
+    - `joint`: name of the joint.
+    - `body`: name of the body on which the moment acts, which may be the ground.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
+    - `axes`: "global", the default, or "body", in which the component is taken.
 
     **Raises:** `ValueError` for other components or axes.
     """
@@ -398,7 +429,8 @@ class ReactionMoment(AbstractReaction):
 class FilmForce(AbstractJointQuantity):
     """Force of a joint's film on its journal, N: its magnitude or a global component.
 
-    **Arguments:** `joint`: name. `component`: "x", "y", "z", or ``None`` for the magnitude.
+    **Arguments:** `joint`: name of a joint with a film. `component`: "x", "y", "z" in global axes,
+    or ``None``, the default, for the magnitude.
 
     >>> force = cj.quantities.FilmForce("bearing", "y")
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
@@ -428,10 +460,10 @@ class FilmForce(AbstractJointQuantity):
 
 @runtime_checkable
 class HasRelativeAngle(Protocol):
-    """A joint or a force element with a relative angle."""
+    """Interface of a joint or force element that has a relative angle of its two bodies."""
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the angle, rad, as a row."""
+        """Return the second body's angle relative to the first, rad, as the value of a row."""
         ...
 
 
@@ -443,8 +475,10 @@ class JointAngle(AbstractJointQuantity):
     - Drivers and drive torques: the driven angle.
     - User-defined joints: any joint with a method ``relative_angle(motions)`` that returns a row.
 
-    A state doesn't contain the number of revolutions. Use ``numpy.unwrap`` for a series with enough
-    samples per revolution.
+    A state doesn't contain the number of revolutions. ``numpy.unwrap`` recovers it from a series
+    with enough samples per revolution.
+
+    **Arguments:** `joint`: name of the joint or force.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> angle.unit, angle.period == 2 * np.pi
@@ -456,7 +490,7 @@ class JointAngle(AbstractJointQuantity):
     period: ClassVar[float | None] = 2.0 * math.pi
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints and forces with an angle."""
+        """Return the names of the scene's joints and forces that have a relative angle."""
         return elements_with_angle(scene)
 
     def __call__(self, now: Instant) -> Scalar:
@@ -470,7 +504,7 @@ def _require_base(base: str | None) -> None:
 
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
-    """Return the joints and forces with a relative angle by name."""
+    """Return the scene's joints and forces that have a relative angle, by name."""
     elements = {**scene.joints, **scene.forces}
     return {
         name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)

@@ -1,2 +1,2 @@
-"""Joints with clearance: journals in bearings, balls in sockets, pins in slots, sliders, and
-backlash."""
+"""Joints with clearance: journals in bearings, balls in sockets, pins in slots, sliders in guides,
+and backlash."""

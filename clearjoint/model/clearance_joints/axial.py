@@ -11,10 +11,11 @@ from ..contact.laws import AbstractContactLaw, require_flat_law
 
 
 class AbstractAxialPolicy(AbstractConverting):
-    """Axial behaviour of a clearance joint.
+    """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
-    A subclass sets `holds_centre`, so that an ideal constraint keeps the journal's centre in the
-    bearing's middle plane, or it defines two shoulders at the ends of the bearing:
+    A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
+    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, as in
+    this example of washers at different distances:
 
     ```python
     import clearjoint as cj
@@ -43,7 +44,7 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """Return the gap at one shoulder.
+        """Return the penetration of the journal into one shoulder, m, and its rate, m/s.
 
         **Arguments:**
 
@@ -83,9 +84,10 @@ class FixedAxially(AbstractAxialPolicy):
 
 
 class EndPlay(AbstractAxialPolicy):
-    """Shoulders at both ends that stop the journal after half the play to each side.
+    """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
 
-    The force acts along the bearing's axis at the journal's base. The shoulders have no friction.
+    Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
+    shoulder. The shoulders have no friction.
 
     **Arguments:**
 
@@ -110,6 +112,8 @@ class EndPlay(AbstractAxialPolicy):
         return self.law
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """Return the gap at a shoulder, which begins after half the play."""
+        """Return the penetration into a shoulder: the offset beyond half the play, m, and its rate,
+        m/s.
+        """
         del side
         return Gap(offset - 0.5 * self.play, rate)

@@ -21,7 +21,7 @@ from ..joints.constraint_rows import relative_angle_row
 from ..joints.pairs import require_distinct
 
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
-"""Contact labels, and the sense of rotation that each flank limits."""
+"""Labels of the two contacts, and the sign of the second body's rotation that each flank stops."""
 TURN = 2.0 * math.pi
 WIDE_BACKLASH = 0.5
 """Backlash above which a warning is issued, rad."""
@@ -34,7 +34,13 @@ DEFAULT_RADIUS = 0.01
 def _flank_law(
     radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
 ) -> AbstractContactLaw:
-    """Return the linear law of flanks with a torsional stiffness in N m/rad."""
+    """Return a linear contact law whose couple has a given torsional stiffness.
+
+    **Arguments:** `radius`: of the flanks, m. `torsional_stiffness`: N m/rad, must not be ``None``.
+    `restitution`: 0.5 if ``None``.
+
+    **Raises:** `ValueError` if the torsional stiffness is missing or not positive.
+    """
     require(
         torsional_stiffness is not None,
         "law",
@@ -173,15 +179,18 @@ class Backlash(AbstractContactJoint):
         return self.first, self.second
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the law of each flank."""
+        """Return the normal law by label, "lower flank" and "upper flank"."""
         return dict.fromkeys(FLANKS, self.law)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a flank's law at a penetration in m."""
+        """Return the validity limits of the law of the flank `name` at a penetration, m."""
         return self.laws()[name].limits(Gap(depth, 0.0))
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return half the way from a flank to the back of the other flank, m."""
+        """Return the largest meaningful penetration of each flank by label, m.
+
+        It is half of the arc from the flank to the point opposite the middle of the play.
+        """
         deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
         return dict.fromkeys(FLANKS, deepest)
 
@@ -191,9 +200,9 @@ class Backlash(AbstractContactJoint):
         return relative_angle_row(self.pair(), first, second, self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact geometry of both flanks."""
+        """Return the geometry of the contacts by label, "lower flank" and "upper flank"."""
         row = self.relative_angle(motions)
-        # The period makes the number of revolutions unlimited; it doesn't affect derivatives.
+        # The angle modulo 2 pi allows any number of revolutions, with unchanged derivatives.
         angle = wrapped(row.value - self.middle, TURN)
         speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
         axis = motions[self.first].direction(unit(self.axis_first))
@@ -206,11 +215,11 @@ class Backlash(AbstractContactJoint):
         return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return ``None``: a couple causes no slip."""
+        """Return ``None``: a contact that acts as a couple has no slip, and so no friction."""
         del name, contact, normal_force
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the bodies in the middle of the play."""
+        """Return the constraint that holds the second body's angle in the middle of the play."""
         return CentredBacklash(self)
 
 
@@ -224,7 +233,7 @@ class CentredBacklash(AbstractConstraint):
         return self.backlash.pair()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the angle from the middle of the play, rad, as a row."""
+        """Return the row "angle": the second body's angle from the middle of the play, rad."""
         del t
         row = self.backlash.relative_angle(motions)
         angle = wrapped(row.value - self.backlash.middle, TURN)

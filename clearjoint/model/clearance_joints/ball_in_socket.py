@@ -35,7 +35,7 @@ class BallInSocket(AbstractSharedLawJoint):
     - `socket_body`, `ball_body`: names of the bodies; one may be the ground.
     - `socket_point`, `ball_point`: centres, (3,) m in body axes.
     - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
-    - `law`: the normal law.
+    - `law`: normal law of the contact.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
     **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, or another
@@ -79,18 +79,21 @@ class BallInSocket(AbstractSharedLawJoint):
         return self.socket_body, self.ball_body
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the name of the only contact."""
+        """Return the label of the only contact, "ball"."""
         return (CONTACT,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return both centres."""
+        """Return the centres of the socket and the ball, m in body axes."""
         return (
             ("socket_point", self.socket_body, self.socket_point),
             ("ball_point", self.ball_body, self.ball_point),
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact along the line of centres."""
+        """Return the geometry of the contact by label, "ball".
+
+        Its normal points from the socket's centre to the ball's.
+        """
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         centres = self.socket_point, self.ball_point
         eccentricity, normal = norm_and_direction(
@@ -110,22 +113,24 @@ class BallInSocket(AbstractSharedLawJoint):
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the ball's radius, m."""
+        """Return the ball's radius, m: at this penetration the ball's centre leaves the socket."""
         return {CONTACT: subtract(self.socket_radius, self.clearance)}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law at a penetration in m."""
+        """Return the validity limits of the normal law at a penetration, m."""
         del name
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return a spherical joint."""
+        """Return the ideal spherical joint that keeps the centres of ball and socket together."""
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return a spherical joint with the ball moved to the wall in the direction of the load.
+        """Return the spherical joint that holds the ball where a load presses it to the wall.
 
-        Return ``None`` without a load.
+        Return ``None`` if the load is zero.
+
+        **Arguments:** `load`: (3,) N, force of the ball on the socket, in the socket's body axes.
         """
         size = np.linalg.norm(load)
         if not size > 0.0:
@@ -134,7 +139,10 @@ class BallInSocket(AbstractSharedLawJoint):
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the ball's centre and the socket's as an anchor, if one body is the ground."""
+        """Return the moving body's name and the centres on this body and on the ground, m.
+
+        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
+        """
         return anchor_of(self.pair(), (self.socket_point, self.ball_point))
 
     def draw(self, pen: AbstractPen) -> None:

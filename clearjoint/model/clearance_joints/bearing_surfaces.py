@@ -19,8 +19,10 @@ SHOULDERS = ("lower shoulder", "upper shoulder")
 class BearingWall:
     """The cylindrical wall of a bearing.
 
-    `centre`, m, and `axis`, of any length, are in the axes of the bearing's body; `radius` and
-    radial `clearance` are in m.
+    - `centre`: of the bearing, m in the axes of the bearing's body.
+    - `axis`: of the bearing, in the axes of the bearing's body, any length.
+    - `radius`: of the bearing, m.
+    - `clearance`: radius of the bearing less that of the journal, m.
     """
 
     centre: Vector
@@ -31,7 +33,11 @@ class BearingWall:
     def contact(
         self, bearing: Motion, journal: Motion, base: JournalBase, has_friction: bool
     ) -> Contact:
-        """Return the contact of a base with the wall, from the eccentricity vector (eqs 10-21)."""
+        """Return the contact of one base of the journal with the wall (eqs 10-21).
+
+        **Arguments:** `bearing`, `journal`: motions of the two bodies. `base`: position and
+        velocity of the base. `has_friction`: whether the contact needs a slip.
+        """
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         depth = self._depth(base, eccentricity)
         gap = Gap(depth, base.velocity.dot(normal), self.radius, self.clearance)
@@ -50,7 +56,8 @@ class BearingWall:
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return eccentricity minus clearance, from the difference of their squares.
+        """Return the penetration, m: eccentricity minus clearance, from the difference of their
+        squares.
 
         A direct subtraction would round differently at the two bases, and repeated impacts amplify
         the difference to a misalignment. Here the term with the largest rounding error is the same
@@ -66,8 +73,12 @@ def shoulder_contact(
 ) -> Contact:
     """Return the contact of a base with the shoulder at one end of the bearing.
 
-    `side` is -1 for the lower end of the bearing's axis and 1 for the upper; `journal_length` is in
-    m.
+    **Arguments:**
+
+    - `axial`: defines the shoulder's gap.
+    - `journal_length`: distance of the journal's bases, m.
+    - `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for the upper end.
+    - `base`: position and velocity of the base that faces this shoulder.
     """
     outward = base.axis * side
     offset = side * base.height - 0.5 * journal_length

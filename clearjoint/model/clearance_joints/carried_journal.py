@@ -1,5 +1,4 @@
-"""Equilibrium position of a loaded journal in its film, with the film's stiffness and damping
-there."""
+"""Equilibrium of a loaded journal in its lubricant film, and the film's stiffness and damping."""
 
 from typing import NamedTuple
 
@@ -17,20 +16,24 @@ from ..film.laws import FilmGap
 from .lubricated import LubricatedJoint
 
 TOLERANCE = 1e-12
-"""Tolerance of the equilibrium, in the scaled coordinates of the search and relative to the load.
-"""
+"""Relative tolerance of the equilibrium: residual force over load, and change of the offset over
+the clearance."""
 NEARLY_CENTRED = 1e-3
-"""Starting point of the search: a film may not be differentiable for a centred journal."""
+"""Start of the search for the equilibrium, eccentricity ratio in both directions.
+
+It isn't zero, because the force of a film may not be differentiable for a centred journal.
+"""
 
 
 class CarriedJournal(NamedTuple):
-    """Equilibrium of a journal in its film, and the film's linearised coefficients there.
+    """Equilibrium of a journal in its film, and the film's linearised force near the equilibrium.
 
-    Components refer to two fixed directions across the axis that form a right-handed frame with it.
+    Components refer to two fixed directions x and y across the bearing's axis z, which form a
+    right-handed frame.
 
-    - `offset`: (2,) m, of the journal's axis from the bearing's.
-    - `stiffness`: (2, 2) N/m, minus the derivative of the force with respect to the offset.
-    - `damping`: (2, 2) N s/m, minus the derivative with respect to the offset's rate.
+    - `offset`: (2,) m, from the bearing's axis to the journal's.
+    - `stiffness`: (2, 2) N/m, minus the derivative of the film force by the offset.
+    - `damping`: (2, 2) N s/m, minus the derivative of the film force by the offset's rate.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -43,9 +46,11 @@ class CarriedJournal(NamedTuple):
     damping: Float[jax.Array, "2 2"]
 
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
-        """Return the (4,) complex eigenvalues of small motions, 1/s, of a carried mass in kg.
+        """Return the eigenvalues of small motions about the equilibrium, (4,) complex, 1/s.
 
         The equilibrium is stable if no eigenvalue has a positive real part.
+
+        **Arguments:** `mass`: of the body that the journal carries, kg.
         """
         inverse_mass = jnp.eye(2) / mass
         rates = jnp.block(
@@ -74,8 +79,12 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Arguments:**
 
     - `joint`: the lubricated joint.
-    - `load`: (2,) N, on the journal.
-    - `speed`: rad/s, angular velocity of the journal, positive.
+    - `load`: (2,) N, external force on the journal along x and y, two directions across the axis
+      z that form a right-handed frame.
+    - `speed`: angular velocity of the journal about z, rad/s, positive.
+
+    **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, and the
+    damping, (2, 2) N s/m, in the same directions as the load.
 
     **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive.
     """
@@ -89,12 +98,14 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
-    # The search is unbounded: this map keeps each trial offset inside the clearance.
+    # The search is unbounded, but a film's force exists only inside the clearance: this map keeps
+    # each trial offset there.
     def offset_of(point: jax.Array) -> jax.Array:
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
         force = _force(joint, speed, offset_of(point), rest)
+        # Relative to the load, so that one tolerance suits all loads.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
@@ -107,8 +118,10 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 def _force(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> jax.Array:
-    """Return the film force on the journal, (2,) N; the offset in m and its rate in m/s are
-    (2,)."""
+    """Return the film force on the journal, (2,) N.
+
+    **Arguments:** `speed`: of the journal, rad/s. `offset`: (2,) m. `velocity`: its rate, (2,) m/s.
+    """
     dry = joint.dry
     eccentricity = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
     own_rate = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)

@@ -3,7 +3,7 @@
 The first body carries the bearing, the second the journal. Both bases V and W of the journal are
 checked against the bearing's wall, and each base applies the full normal law. The tilt between
 journal and bearing is assumed small, so that the bases' circles lie in the bearing's cross-section
-(as in the paper). Contact of an edge along the wall is not modelled.
+(as in the paper). Contact along a line of the wall is not modelled.
 """
 
 from typing import Annotated
@@ -73,7 +73,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
     - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
       difference of the radii. The joint stores the clearance, because it is small and often varied.
     - `journal_length`: m, distance between the bases.
-    - `law`: normal law at each base.
+    - `law`: normal law of the contact of each base, "V" and "W".
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
       otherwise `EndPlay(...)` or `FixedAxially()`.
@@ -193,32 +193,40 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return self.bearing_body, self.journal_body
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the names of both bases; shoulders have their own law and no friction."""
+        """Return the labels of the contacts that use `law` and `friction`: bases "V" and "W"."""
         return BASES
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal."""
+        """Return the centres of the bearing and the journal, m in body axes."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the law of each base, and of each shoulder if there are any."""
+        """Return the normal law by label: "V" and "W", and "lower shoulder" and "upper shoulder" if
+        the axial policy has shoulders.
+        """
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the journal's radius for both bases: at this depth its axis leaves the bearing."""
+        """Return the largest meaningful penetration of both bases by label, m.
+
+        It is the journal's radius: there the journal's axis leaves the bearing.
+        """
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
+        """Return the validity limits of a contact's normal law.
+
+        **Arguments:** `name`: label of a base or shoulder. `depth`: penetration, m.
+        """
         radii = (self.bearing_radius, self.clearance) if name in BASES else ()
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact geometry of both bases and of the shoulders, if there are any."""
+        """Return the geometry of each contact by label: bases, and shoulders if there are any."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         bases = self.journal_bases(motions)
         wall = BearingWall(
@@ -237,7 +245,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return contacts
 
     def journal_bases(self, motions: Motions) -> JournalBases:
-        """Return the geometry of the journal's two ends."""
+        """Return the calculator of position and velocity of the journal's bases."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
@@ -245,11 +253,12 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return JournalBases(bearing, journal, *points, axis, half, centre)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
-        centre, m.
+        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components refer to the bearing's frame: x and y across the axis, z along it. With a
-        `bearing_axis` of (0, 0, 1) these are the body's axes.
+        Components are in the bearing's frame: x and y across its axis, z along it. With a
+        `bearing_axis` of (0, 0, 1) this is the frame of the bearing's body.
+
+        **Arguments:** `base`: "V" or "W", or ``None``, the default, for the journal's centre.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(bearing, journal)
@@ -262,13 +271,19 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        """Return the journal's angle about the bearing's axis as a row.
+
+        The row's value is in rad within (-pi, pi].
+        """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far an axially free journal is beyond a bearing of the same length, m."""
+        """Return the distance by which the journal has left a bearing of the same length, m.
+
+        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
+        """
         if not self._is_free():
             return None
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
@@ -279,25 +294,35 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
+        """Return the ideal joint without clearance: a revolute joint, or a cylindrical joint if the
+        journal is axially free.
+        """
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the centred joint with the journal moved to the wall in the direction of the load.
+        """Return the ideal joint that holds the journal where a load presses it to the wall.
 
         Return ``None`` if the load has no component across the axis.
+
+        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
+        bearing's body.
         """
         offset = offset_at_wall(self.bearing_axis, self.clearance, load)
         return None if offset is None else self._ideal(self.bearing_point + offset)
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return an ideal joint about a centre in the bearing's body, m."""
+        """Return the ideal joint that holds the journal's centre at a point of the bearing's body,
+        (3,) m.
+        """
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), *points, *axes)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
+        """Return the moving body's name and the joint's centres on this body and on the ground, m.
+
+        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
+        """
         return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
 
     def _offset(self, bearing: Motion, journal: Motion) -> Vector:
@@ -310,7 +335,10 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
+        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
+
+        Its value is the distance of the journal's centre from the bearing's middle plane, m.
+        """
         del t
         if not self.axial.holds_centre:
             return {}

@@ -20,11 +20,15 @@ RIGHT_ANGLE = 1e-9
 """Largest cosine of the angle between two directions that count as perpendicular."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
-"""Smallest ratio of transverse load to load that isn't attributed to rounding."""
+"""Ratio of a load's component across the axis to the load, below which it counts as rounding
+error."""
 
 
 class AbstractSharedLawJoint(AbstractContactJoint):
-    """A clearance joint whose contacts share one normal `law` and one `friction`, or ``None``."""
+    """Base class of clearance joints whose contacts share one normal law and one friction law.
+
+    `law` is the normal law; `friction` is the friction law, or ``None``.
+    """
 
     law: eqx.AbstractVar[AbstractContactLaw]
     friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
@@ -35,28 +39,35 @@ class AbstractSharedLawJoint(AbstractContactJoint):
 
     @abc.abstractmethod
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the names of the contacts."""
+        """Return the labels of the contacts that share `law` and `friction`."""
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the law for each contact."""
+        """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N."""
+        """Return the friction force on the second body, N in global axes.
+
+        It is ``None`` without friction. The bristle law of steady sliding is used for a joint with
+        bristles.
+        """
         del name
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of each contact, if the joint has one."""
+        """Return the bristle law of each contact by label; empty for other friction."""
         if isinstance(self.friction, AbstractBristleFriction):
             return dict.fromkeys(self.contact_labels(), self.friction)
         return {}
 
 
 def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law, which may be ``None``."""
+    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
+
+    **Raises:** `ValueError` that names the argument `law` or `friction`.
+    """
     kinds = {
         "law": (law, (AbstractContactLaw,)),
         "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
@@ -79,7 +90,10 @@ def _remedy(value: object, names: str) -> str:
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m; `radius_name` is for the message."""
+    """Check that a clearance, m, is smaller than a radius, m.
+
+    `radius_name` names the radius in the message of the `ValueError`.
+    """
     if (known := checkable(clearance, radius)) is not None:
         width, size = known
         expected = f"smaller than {radius_name} {as_shown(size)} m"
@@ -87,7 +101,10 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction (3,) is perpendicular to an axis (3,), both given with their names."""
+    """Check that a direction, (3,), is perpendicular to an axis, (3,).
+
+    `argument` and `other` name the direction and the axis in the message of the `ValueError`.
+    """
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
@@ -103,10 +120,13 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
 def anchor_of(
     bodies: tuple[str, str], points: tuple[Vector, Vector]
 ) -> tuple[str, Vector, Vector] | None:
-    """Return the anchor of a joint between a point of each of two bodies, if one body is the
-    ground.
+    """Return the anchor of a joint with the ground: a point of the moving body near a fixed point.
 
-    The anchor is the moving body's name, the point on it in its axes, and the ground's point, m.
+    The anchor consists of the moving body's name, the joint's point on this body, m in its axes,
+    and the joint's point on the ground, m. It is ``None`` if neither body is the ground.
+
+    **Arguments:** `bodies`: names of the first and the second body. `points`: the joint's point on
+    each, m in body axes.
     """
     (first, second), (point_first, point_second) = bodies, points
     if first == GROUND:
@@ -119,10 +139,13 @@ def anchor_of(
 def offset_between(
     bodies: tuple[str, str], motions: tuple[Motion, Motion], points: tuple[Vector, Vector]
 ) -> Vector:
-    """Return the vector from a point of the first body to one of the second, m, global axes.
+    """Return the vector from a point of the first body to a point of the second, m, global axes.
 
-    Points are in body axes. With the ground, the difference is taken relative to the anchor, which
-    avoids the cancellation of large coordinates.
+    If one body is the ground, the difference is taken relative to the anchor of the moving body.
+    The difference of two large coordinates would lose digits.
+
+    **Arguments:** `bodies`: names of the two bodies. `motions`: their motions. `points`: a point of
+    each body, m in body axes.
     """
     (first, second), (point_first, point_second) = motions, points
     if bodies[1] == GROUND:
@@ -133,10 +156,12 @@ def offset_between(
 def offset_at_wall(
     axis: Triple, clearance: Single, load: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the offset, (3,) m, of a journal that a load presses to a bearing's wall.
+    """Return the offset from the bearing's centre of a journal that a load presses to the wall.
 
-    Return ``None`` if the load has no component across the axis. All vectors are in the axes of the
-    bearing's body.
+    The offset is (3,) m. It is ``None`` if the load has no component across the axis. All vectors
+    are in the axes of the bearing's body.
+
+    **Arguments:** `axis`: of the bearing, (3,), any length. `clearance`: m. `load`: (3,) N.
     """
     along = np.asarray(axis) / np.linalg.norm(axis)
     across = load - (load @ along) * along
@@ -149,10 +174,13 @@ def offset_at_wall(
 def offset_at_flat_wall(
     normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the offset, (3,) m, of a part that a load presses to one of two parallel walls.
+    """Return the offset from midway between two walls of a part that a load presses to one wall.
 
-    The offset is measured from midway between the walls. Return ``None`` if the load has no
-    component along the walls' normal. All vectors are in the axes of the walls' body.
+    The offset is (3,) m. It is ``None`` if the load has no component along the walls' normal. All
+    vectors are in the axes of the walls' body.
+
+    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: on either side, m. `load`:
+    (3,) N.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward

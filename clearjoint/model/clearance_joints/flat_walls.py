@@ -10,11 +10,12 @@ from ..joints.base import Contact
 
 @dataclass(frozen=True)
 class FlatWall:
-    """A plane of the first body that limits motion along its `normal`.
+    """A flat wall of the first body that stops a part of the second body.
 
-    `origin`, m, and `normal`, a unit vector, are in the first body's axes. A round part of the
-    second body touches the wall when its centre is a distance `room`, m, from the origin along the
-    normal.
+    - `origin`: a point in front of the wall, m in the first body's axes.
+    - `normal`: unit vector in the first body's axes, from the origin to the wall.
+    - `room`: m, distance from the origin along the normal at which the part's centre is when the
+      part touches the wall.
     """
 
     origin: Vector
@@ -24,14 +25,20 @@ class FlatWall:
     def contact(
         self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
     ) -> Contact:
-        """Return the contact of a cylinder or sphere of the second body with the wall.
+        """Return the contact of a cylinder, sphere or corner of the second body with the wall.
 
-        **Arguments:** `centre`: m, in the second body's axes. `radius`: m, 0.0 for a corner.
+        **Arguments:**
+
+        - `first`, `second`: motions of the wall's body and of the part's body.
+        - `centre`: of the part, m in the second body's axes.
+        - `radius`: of the part, m; 0.0 for a corner.
+        - `has_friction`: whether the contact needs a slip.
         """
         normal = first.direction(self.normal)
         apart = second.point(centre) - first.point(self.origin)
         depth = subtract(apart.dot(normal), self.room)
         centre_in_first = self.origin + first.components(apart)
+        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
         sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
         gap = Gap(depth, sliding.dot(normal))
         # Friction acts on both bodies at one point, midway between the surfaces.

@@ -31,7 +31,7 @@ from .backlash import FLANKS
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m."""
 WIDEST_BACKLASH = 0.2
-"""Ratio of backlash to pitch above which a warning is issued."""
+"""Ratio of the backlash to the pitch pi m above which a warning is issued."""
 PRESSURE_ANGLES = 0.1, 0.8
 """Smallest and largest pressure angle, rad."""
 
@@ -43,11 +43,14 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class LineOfCentres:
-    """The line from the first gear's centre to the second's, in the plane across the first gear's
-    axis.
+    """The line from the first gear's centre to the second's, in the plane across the first's axis.
 
-    `along` and `across` form a right-handed frame with `axis`; all three are global unit vectors.
-    `distance` and the second gear's `height` along the axis are in m.
+    - `axis`: of the first gear, a global unit vector.
+    - `along`: global unit vector along the line.
+    - `across`: global unit vector perpendicular to both: `along`, `across` and `axis` form a
+      right-handed frame.
+    - `distance`: length of the line, m.
+    - `height`: of the second gear's centre above the first's along the axis, m.
     """
 
     axis: Vector
@@ -60,8 +63,14 @@ class LineOfCentres:
     def between(
         first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
     ) -> "LineOfCentres":
-        """Return the line for two gears, from their centres, m, and the first gear's axis in body
-        axes."""
+        """Return the line of centres of two gears.
+
+        **Arguments:**
+
+        - `first`, `second`: motions of the gears' bodies.
+        - `centre_first`, `centre_second`: centre of each gear, m in its body's axes.
+        - `axis`: of the first gear, in its body's axes, any length.
+        """
         axis = first.direction(unit(axis))
         apart = second.point(centre_second) - first.point(centre_first)
         height = apart.dot(axis)
@@ -69,10 +78,12 @@ class LineOfCentres:
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the line's angle in a gear, rad within (-pi, pi].
+        """Return the angle of the line of centres as seen from a gear, rad within (-pi, pi].
 
-        The angle is about the gear's axis, given in body axes, from the first of the
-        `transverse_axes`.
+        The angle is measured about the gear's axis from the first of its `transverse_axes`, which
+        are fixed to the gear.
+
+        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
         """
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
@@ -210,15 +221,18 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         return self.first, self.second
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the law of each flank."""
+        """Return the normal law by label, "lower flank" and "upper flank"."""
         return dict.fromkeys(FLANKS, self.law)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a flank's law at a penetration in m."""
+        """Return the validity limits of the law of the flank `name` at a penetration, m."""
         return self.laws()[name].limits(Gap(depth, 0.0))
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return half a tooth's thickness on the line of action, m."""
+        """Return the largest meaningful penetration of each flank by label, m.
+
+        It is half of a tooth's thickness along the line of action.
+        """
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
         return dict.fromkeys(FLANKS, deepest)
@@ -232,9 +246,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the gears' displacement along the line of action from the middle of the play, m.
+        """Return the gears' displacement s along the line of action from the middle of the play, m.
 
-        It is within half a base pitch, and positive towards the upper flank.
+        It is taken modulo the base pitch, and positive towards the upper flank.
+
+        **Arguments:** `first`, `second`: motions of the gears' bodies.
         """
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
@@ -250,7 +266,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         return LineOfCentres.between(first, second, *points, self.axis_first)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact geometry of both flanks at the pitch point."""
+        """Return the geometry of the contacts by label, "lower flank" and "upper flank".
+
+        Both forces act at the pitch point.
+        """
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         at_first, at_second = self._pitch_point(first, second, line)
@@ -272,8 +291,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def _opening(self, radii: Scalar, tangential: Scalar, radial: Scalar) -> Scalar:
         """Return half the play along the line of action, m, at the gears' actual distance.
 
-        `radii` is the sum of the base radii, m; `tangential` and `radial` are the cosine and sine
-        of the working pressure angle.
+        **Arguments:** `radii`: sum of the base radii, m. `tangential`, `radial`: cosine and sine of
+        the working pressure angle alpha'.
         """
         nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(*nominal)
@@ -282,7 +301,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def _pitch_point(
         self, first: Motion, second: Motion, line: LineOfCentres
     ) -> tuple[Vector, Vector]:
-        """Return the pitch point, m in the axes of each body; it divides the line by the teeth."""
+        """Return the pitch point, m in the axes of the first body and in those of the second.
+
+        It divides the line of centres in the ratio of the numbers of teeth.
+        """
         share = self.teeth_first / (self.teeth_first + self.teeth_second)
         from_first = line.along * (line.distance * share)
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
@@ -296,7 +318,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         del name, contact, normal_force
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the gears in the middle of the play."""
+        """Return the constraint that holds the gears' teeth in the middle of the play."""
         return CentredMesh(self)
 
     def draw(self, pen: AbstractPen) -> None:
@@ -319,7 +341,9 @@ class CentredMesh(AbstractConstraint):
         return self.gears.pair()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the displacement along the line of action, m, as a row."""
+        """Return the row "mesh": the displacement along the line of action from the middle of the
+        play, m.
+        """
         del t
 
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:

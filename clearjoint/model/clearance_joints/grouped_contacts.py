@@ -18,10 +18,13 @@ from ..joints.base import AbstractContactJoint, Contact, Motions
 class GroupedContactJoint(AbstractContactJoint):
     """Contact joints of one structure that differ only in their numbers and their bodies.
 
-    - `joint`: the first joint, whose numbers are arrays over the group.
-    - `members`: the joints as they were given.
-    - `first`, `second`: the bodies; each is the ground's name, or a `GroupName` with the bodies in
-      the order of the joints.
+    Where a method of a single joint returns a number, the same method of the group returns an array
+    (N,) with an entry for each of the N joints.
+
+    - `joint`: the first joint, with each number replaced by an array (N,) over the group.
+    - `members`: the N joints as the user gave them.
+    - `first`, `second`: names of the joints' first and second bodies. Each is the ground's name, or
+      a `GroupName` that lists the bodies in the order of the joints.
     """
 
     joint: AbstractContactJoint
@@ -30,11 +33,11 @@ class GroupedContactJoint(AbstractContactJoint):
     second: str = eqx.field(static=True)
 
     def pair(self) -> tuple[str, str]:
-        """Return the names of the first bodies and of the second bodies."""
+        """Return the name of the group of first bodies and that of the group of second bodies."""
         return self.first, self.second
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law of each contact."""
+        """Return the grouped normal law of each contact by label."""
         return {
             label: GroupedContactLaw(
                 joint=self.joint,
@@ -46,11 +49,11 @@ class GroupedContactJoint(AbstractContactJoint):
         }
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each contact, m."""
+        """Return the largest meaningful penetrations by label, (N,) m."""
         return each(lambda joint: joint.deepest(), self.joint)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact."""
+        """Return the geometry of each contact by label, with arrays (N,) over the group."""
         names = self.joint.pair()
 
         def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
@@ -59,7 +62,7 @@ class GroupedContactJoint(AbstractContactJoint):
         return each(of, self.joint, motions[self.first], motions[self.second])
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of the films on each body."""
+        """Return the wrenches of the films by name of the group of bodies."""
         names = self.joint.pair()
 
         def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
@@ -70,7 +73,9 @@ class GroupedContactJoint(AbstractContactJoint):
         return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction on the second bodies, N, or ``None``."""
+        """Return the friction forces on the second bodies, N in global axes; ``None`` without
+        friction.
+        """
 
         def of(
             joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
@@ -80,7 +85,7 @@ class GroupedContactJoint(AbstractContactJoint):
         return each(of, self.joint, contact, normal_force)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of each contact that has one."""
+        """Return the grouped bristle law by label, for the contacts that have bristles."""
         return {
             label: GroupedBristleLaw(joint=self.joint, label=label)
             for label in self.joint.bristle_laws()
@@ -88,7 +93,7 @@ class GroupedContactJoint(AbstractContactJoint):
 
 
 class GroupedContactLaw(AbstractContactLaw):
-    """The normal laws of one contact in a group of joints."""
+    """Normal laws of the contact `label` in all N joints of a group; results are (N,)."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
@@ -114,22 +119,22 @@ class GroupedContactLaw(AbstractContactLaw):
         return self._each("stored_energy", gap)
 
     def onset_offset(self) -> Scalar:
-        """Return the distances before the surface at which the forces begin, m."""
+        """Return the distances between the surfaces at which the forces begin, m."""
         return self._each("onset_offset")
 
     def slope_jumps(self) -> bool:
-        """Return whether the slope of the forces may jump."""
+        """Return whether the derivatives of the forces by the depth may jump at the onset."""
         return self.joint.laws()[self.label].slope_jumps()
 
 
 class GroupedBristleLaw(AbstractBristleFriction):
-    """The bristle laws of one contact in a group of joints."""
+    """Bristle laws of the contact `label` in all N joints of a group; results are (N,)."""
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
 
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return the rates of the deflections, m/s."""
+        """Return the rates of the deflections, m/s, for deflections, m, and slips, m/s."""
 
         def of(joint: AbstractContactJoint, deflection: Vector, slip: Vector) -> Vector:
             return joint.bristle_laws()[self.label].rate(deflection, slip)
@@ -137,7 +142,9 @@ class GroupedBristleLaw(AbstractBristleFriction):
         return each(of, self.joint, deflection, slip)
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the ratios of friction to normal force."""
+        """Return the ratios of friction to normal force, for deflections, m, their rates, m/s, and
+        slips, m/s.
+        """
 
         def of(joint: AbstractContactJoint, *vectors: Vector) -> Vector:
             return joint.bristle_laws()[self.label].ratio(*vectors)
@@ -153,7 +160,7 @@ class GroupedBristleLaw(AbstractBristleFriction):
         return each(of, self.joint, slip_speed)
 
     def full_deflection(self) -> Scalar:
-        """Return the error scales of the deflections, m."""
+        """Return the approximate deflections in steady sliding, m."""
 
         def of(joint: AbstractContactJoint) -> Scalar:
             return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)

@@ -17,7 +17,7 @@ SIDES = (-1.0, 1.0)
 
 @runtime_checkable
 class HasJournal(Protocol):
-    """A joint with a journal whose bases touch the wall at the radial clearance."""
+    """Interface of a joint with a journal whose bases touch the wall at the radial clearance."""
 
     @property
     def clearance(self) -> Single:
@@ -25,24 +25,27 @@ class HasJournal(Protocol):
         ...
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the offset of the journal's centre or of a base from the bearing's centre, m.
+        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components refer to the bearing's frame.
+        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
+        "W", or ``None`` for the journal's centre.
         """
         ...
 
 
 @dataclass(frozen=True)
 class JournalBase:
-    """Position (m) and velocity (m/s) of one base.
+    """Position and velocity of one base of the journal relative to the bearing.
 
     - `axis`: of the bearing, a global unit vector.
-    - `height`: of the base above the bearing's centre, along the axis.
-    - `centre`, `arm`: global vectors across the axis, from the bearing's axis to the journal's
-      centre and from there to the base.
-    - `local`: the base's centre in the axes of the journal's body.
-    - `on_bearing`: the coincident point of the bearing's body, in that body's axes.
-    - `velocity`: of the base relative to that point, global axes.
+    - `height`: of the base above the bearing's centre along the axis, m.
+    - `centre`: from the bearing's axis to the journal's centre, perpendicular to the axis, m in
+      global axes.
+    - `arm`: from the journal's centre to the base, its part perpendicular to the axis, m in global
+      axes. The eccentricity vector of the base is ``centre + arm``.
+    - `local`: the base's centre, m in the axes of the journal's body.
+    - `on_bearing`: the point of the bearing's body at the base's centre, m in that body's axes.
+    - `velocity`: of the base's centre relative to that point, m/s in global axes.
     """
 
     axis: Vector
@@ -55,14 +58,14 @@ class JournalBase:
 
 
 class JournalBases:
-    """Computes the two bases of a journal in a configuration.
+    """Position and velocity of the two bases of a journal, from the motions of both bodies.
 
     **Arguments:**
 
     - `bearing`, `journal`: motions of the two bodies.
-    - `bearing_point`, `journal_point`: centres, m, in body axes.
+    - `bearing_point`, `journal_point`: centre of the bearing and of the journal, m in body axes.
     - `axis`: of the bearing, a global unit vector.
-    - `half`: from the journal's centre to base W, m, in the axes of the journal's body.
+    - `half`: from the journal's centre to base W, m in the axes of the journal's body.
     - `centre`: from the bearing's centre to the journal's, m, global axes (eq. 8).
     """
 
@@ -83,7 +86,7 @@ class JournalBases:
         self._centre_velocity = journal.velocity_at(journal_point)
 
     def at(self, sign: Scalar) -> JournalBase:
-        """Return base V for a sign of -1 and base W for 1."""
+        """Return position and velocity of base V for a `sign` of -1, of base W for 1."""
         local, arm = self._journal_point + self._half * sign, self._arm * sign
         offset = self._centre + arm
         on_bearing = self._bearing_point + self._bearing.components(offset)

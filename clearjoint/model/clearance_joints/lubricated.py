@@ -35,14 +35,21 @@ NODES, WEIGHTS = (
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return a smooth factor: 0 up to the surface, 1 from the depth `transition`, m, onwards."""
+    """Return a factor that rises smoothly with the penetration, from 0 to 1.
+
+    It is 0 at a `depth` of 0 m or less, and 1 from the depth `transition`, m, onwards.
+    """
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
 
 class BlendedContactLaw(AbstractContactLaw):
-    """A contact law multiplied by a factor that grows from 0 at the surface to 1 at `transition`,
-    m."""
+    """A contact law multiplied by the `blending_factor`, so that the force begins smoothly.
+
+    - `law`: the law of the dry contact.
+    - `transition`: penetration from which the factor is 1, m.
+    - `uses_entry_speed`: that of `law`.
+    """
 
     law: AbstractContactLaw
     transition: Single
@@ -58,11 +65,10 @@ class BlendedContactLaw(AbstractContactLaw):
         return self._factor(gap) * self.law.elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the integral of the blended elastic force, J.
-
-        Integration by parts leaves the energy of the law times the factor's slope. Gauss quadrature
-        in the square root of the depth is accurate for energies that grow with half-integer powers.
-        """
+        """Return the integral of the blended elastic force over the penetration, J."""
+        # Integration by parts leaves the energy of the law times the factor's slope. Gauss
+        # quadrature in the square root of the depth is accurate for energies that grow with
+        # half-integer powers.
         end = jnp.clip(gap.depth, 0.0, self.transition)
         removed: Scalar = 0.0
         for node, weight in zip(NODES, WEIGHTS, strict=True):
@@ -75,11 +81,11 @@ class BlendedContactLaw(AbstractContactLaw):
         return self._factor(gap) * self.law.stored_energy(gap) - removed
 
     def slope_jumps(self) -> bool:
-        """Return ``False``: the factor starts with zero slope."""
+        """Return ``False``: the blended force starts with zero slope."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the law."""
+        """Return the validity limits of the dry contact's law at a gap."""
         return self.law.limits(gap)
 
     def _factor(self, gap: Gap) -> Scalar:
@@ -94,9 +100,9 @@ class LubricatedJoint(AbstractContactJoint):
     """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
     The film extends over the journal's length. Half of its force acts at each base, computed from
-    that base's eccentricity. Force, reaction and drag act midway between the two axes, so that the
-    film conserves angular momentum and takes all its power from the motion; the energy ledger lists
-    it as "film".
+    that base's eccentricity. Force and reaction act at one point midway between the two axes, so
+    that the film conserves angular momentum. The energy ledger lists the energy that the film
+    dissipates as "film".
 
     Contact begins when the journal touches the wall, and replaces the film smoothly over the depth
     `transition`. This is the blend of P. Flores et al. 2006 with a continuous slope. The film force
@@ -165,11 +171,13 @@ class LubricatedJoint(AbstractContactJoint):
         return self.dry.pair()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal."""
+        """Return the centres of the bearing and the journal, m in body axes."""
         return self.dry.attachments()
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the blended law of each base, and the law of each shoulder if there are any."""
+        """Return the normal law by label: blended for the bases "V" and "W", unchanged for
+        shoulders.
+        """
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
             if name in BASES
@@ -178,11 +186,11 @@ class LubricatedJoint(AbstractContactJoint):
         }
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact geometry of the dry joint."""
+        """Return the geometry of each contact by label, which is that of the dry joint."""
         return self.dry.contacts(motions)
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of the film on the bearing's body and on the journal's body."""
+        """Return the film's wrench on the bearing's and on the journal's body, by body name."""
         bases = self.dry.journal_bases(motions)
         on_bearing, on_journal = NO_WRENCH, NO_WRENCH
         for sign in SIDES:
@@ -191,8 +199,10 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film, at one base, on the bearing's and the journal's
-        body."""
+        """Return the wrenches of half the film on the bearing's and on the journal's body.
+
+        **Arguments:** `motions`: of the bodies by name. `base`: position and velocity of the base.
+        """
         bearing, journal = (motions[name] for name in self.pair())
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
@@ -212,9 +222,15 @@ class LubricatedJoint(AbstractContactJoint):
         )
 
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
-        """Return the film's gap for an eccentricity, m, and the midpoint's relative velocity, m/s.
+        """Return the input of the film law, with an eccentricity ratio limited to `largest_ratio`.
 
-        The eccentricity ratio is limited to `largest_ratio`.
+        **Arguments:**
+
+        - `axis`: of the bearing, a global unit vector.
+        - `eccentricity`: vector from the bearing's axis to the base's centre, m, global axes.
+        - `velocity`: of the journal's body relative to the bearing's, at the point midway between
+          the two axes, m/s, global axes.
+        - `spin`: of the journal relative to the bearing about the axis, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
@@ -233,52 +249,72 @@ class LubricatedJoint(AbstractContactJoint):
         return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the dry friction force on the journal at a base, N."""
+        """Return the dry friction force on the journal at the base `name`, N in global axes.
+
+        It is ``None`` without friction.
+        """
         return self.dry.friction_force(name, contact, normal_force)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of both bases, if the dry joint has one."""
+        """Return the bristle law of both bases by label; empty if the dry joint has none."""
         return self.dry.bristle_laws()
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the journal's radius for both bases, m."""
+        """Return the largest meaningful penetration of both bases by label, m."""
         return self.dry.deepest()
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of a base or shoulder at a penetration in m."""
+        """Return the validity limits of the law of the base or shoulder `name` at a penetration,
+        m.
+        """
         return self.dry.law_limits(name, depth)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the offset of the journal's centre, or of one of its bases, from the bearing's
-        centre, m.
+        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components refer to the bearing's frame.
+        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
+        "W", or ``None``, the default, for the journal's centre.
         """
         return self.dry.journal_offset(motions, base)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad within (-pi, pi], as a row."""
+        """Return the journal's angle about the bearing's axis as a row.
+
+        The row's value is in rad within (-pi, pi].
+        """
         return self.dry.relative_angle(motions)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far an axially free journal is beyond a bearing of the same length, m."""
+        """Return the distance by which the journal has left a bearing of the same length, m.
+
+        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
+        """
         return self.dry.slid_out(motions)
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that holds the journal in the middle."""
+        """Return the ideal joint that holds the journal in the middle of the bearing."""
         return self.dry.centred_joint()
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal at the wall in the direction of a load,
-        (3,) N."""
+        """Return the ideal joint that holds the journal where a load presses it to the wall.
+
+        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
+        bearing's body.
+        """
         return self.dry.resting_joint(load)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the journal's centre and the bearing's as an anchor, if one body is the ground."""
+        """Return the moving body's name and the joint's centres on this body and on the ground, m.
+
+        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
+        """
         return self.dry.anchor()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the axial constraint if the axial policy holds the centre, otherwise none."""
+        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
+
+        Its value is the distance of the journal's centre from the bearing's middle plane, m.
+        """
         return self.dry.rows(motions, t)
 
     def draw(self, pen: AbstractPen) -> None:

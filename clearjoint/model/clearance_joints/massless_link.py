@@ -17,15 +17,24 @@ from .journal_bases import BASES
 
 
 class MasslessLink(AbstractConstraint):
-    """A `ClearanceJoint` in permanent contact: both bases keep the clearance as their eccentricity.
+    """A `ClearanceJoint` in permanent contact: the eccentricity of both bases equals the clearance.
 
-    The eccentricity vector acts as a massless rod between the axes; two rows (S. W. E. Earles, C.
-    L. S. Wu 1973; R. S. Haines 1985). The model has no impacts and no separation: a tensile
-    reaction indicates that the journal would leave the wall, where the model is invalid.
+    At each base the eccentricity vector acts as a massless rod between the axes; two rows (S. W. E.
+    Earles, C. L. S. Wu 1973; R. S. Haines 1985). The model has no impacts and no separation. A
+    tensile force in a rod indicates that the journal would leave the wall, where the model is
+    invalid.
 
-    **Arguments:** as for `ClearanceJoint`; `axial` is `FreeAxially()`, the default, or
-    `FixedAxially()`. The journal must start at the wall: call `assemble` with a state that is
-    closer to the intended side.
+    **Arguments:**
+
+    - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
+    - `clearance`: radius of the bearing less that of the journal, m.
+    - `journal_length`: distance between the bases, m.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
+    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in its body's axes.
+    - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
+
+    The journal must start at the wall: call `assemble` with a state that is closer to the intended
+    side.
 
     **Raises:** `ValueError` if a value is outside its range, or if `axial` has shoulders.
 
@@ -59,16 +68,18 @@ class MasslessLink(AbstractConstraint):
         return self.bearing_body, self.journal_body
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal."""
+        """Return the centres of the bearing and the journal, m in body axes."""
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
         )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return (e^2 - c^2)/(2 c), m, for the eccentricity e of each base and the clearance c.
+        """Return the rows "V" and "W" of the bases, and "axial" if the axial policy holds the
+        centre.
 
-        An axial policy that holds the centre adds its constraint.
+        The value of a base's row is (e^2 - c^2)/(2 c), m, with its eccentricity e and the clearance
+        c. That of "axial" is the distance of the centre from the bearing's middle plane, m.
         """
         del t
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
@@ -79,14 +90,20 @@ class MasslessLink(AbstractConstraint):
         return rows
 
     def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
-        """Return the coordinate of a journal point along a direction from the bearing's centre, as
-        a row."""
+        """Return the coordinate of a journal's point from the bearing's centre, m, as a row.
+
+        `direction` is a unit vector in the axes of the bearing's body, `local` the point, m in
+        those of the journal's.
+        """
         names = self.bearing_body, self.journal_body
         pair = motions[self.bearing_body], motions[self.journal_body]
         return point_in_plane(names, *pair, self.bearing_point, direction, local)
 
     def _distance(self, motions: Motions, local: Vector) -> Row:
-        """Return the row (x^2 + y^2 - c^2)/(2 c) for the eccentricity x, y of a base."""
+        """Return the row (x^2 + y^2 - c^2)/(2 c), m, for the eccentricity vector (x, y) of a base.
+
+        `local` is the base's centre, m in the axes of the journal's body.
+        """
         across = [
             self._height(motions, direction, local)
             for direction in transverse_axes(unit(self.bearing_axis))

@@ -19,11 +19,14 @@ from .flat_walls import FlatWall
 from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
-"""Contact labels: the walls along the slot's normal, and the ends along its axis."""
+"""Labels of the contacts with the two walls and with the two ends of the slot.
+
+"lower" is on the negative side of the slot's normal or axis, "upper" on the positive side.
+"""
 
 
 class PinInSlot(AbstractSharedLawJoint):
-    """A cylindrical pin in a straight slot: it slides along the slot and rotates, with play across.
+    """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
 
     The pin touches one of two parallel walls when its centre is half the play from the middle, and
     one of two flat ends when its centre is half the travel from the middle. The play is the slot's
@@ -84,18 +87,20 @@ class PinInSlot(AbstractSharedLawJoint):
         return self.slot_body, self.pin_body
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the names of both walls, and of both ends if the slot has ends."""
+        """Return the labels of both walls, and of both ends if the slot has ends."""
         return WALLS if self.travel is None else WALLS + ENDS
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the slot's middle and the pin's centre."""
+        """Return the slot's middle and the pin's centre, m in body axes."""
         return (
             ("slot_point", self.slot_body, self.slot_point),
             ("pin_point", self.pin_body, self.pin_point),
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts of the pin with each wall, and with each end if the slot has ends."""
+        """Return the geometry of the pin's contacts by label: walls, and ends if the slot has
+        ends.
+        """
         slot, pin = (motions[name] for name in self.pair())
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
@@ -111,18 +116,20 @@ class PinInSlot(AbstractSharedLawJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the pin's radius for each contact, m."""
+        """Return the largest meaningful penetration of each contact by label, m: `pin_radius`."""
         deepest: Scalar = self.pin_radius
         return dict.fromkeys(self.contact_labels(), deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the pin's centre in the middle plane of the slot."""
+        """Return the ideal joint that keeps the pin's centre in the middle plane of the slot."""
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the centred joint with the pin moved to the wall in the direction of the load.
+        """Return the ideal joint that holds the pin where a load presses it to a wall.
 
-        Return ``None`` if the load has no component across the walls.
+        Return ``None`` if the load has no component along the walls' normal.
+
+        **Arguments:** `load`: (3,) N, force of the pin on the slot, in the axes of the slot's body.
         """
         offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
         return None if offset is None else self._ideal(self.slot_point + offset)

@@ -28,7 +28,8 @@ CORNERS = {
     "rear lower": (-1.0, -1.0),
     "front lower": (1.0, -1.0),
 }
-"""Contact labels, with the signs of each corner along the slider's axis and along its normal."""
+"""Label of each corner's contact, and the signs of its position along the slider's axis and
+normal."""
 
 
 class SliderInGuide(AbstractSharedLawJoint):
@@ -101,17 +102,18 @@ class SliderInGuide(AbstractSharedLawJoint):
         return self.guide_body, self.slider_body
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the names of the four corners."""
+        """Return the labels of the four corners' contacts."""
         return tuple(CORNERS)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the slider's centre."""
+        """Return the slider's centre, m in body axes."""
         return (("slider_point", self.slider_body, self.slider_point),)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact of each corner with the wall on its side."""
+        """Return the geometry of each corner's contact with the wall on its side, by label."""
         guide, slider = (motions[name] for name in self.pair())
         upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
+        # A wall's distance from the middle is half the slider's height plus the clearance.
         walls = {side: FlatWall(self.guide_point, upward * side, room) for side in (1.0, -1.0)}
         along = unit(self.slider_axis) * self.half_length
         across = unit(self.slider_normal) * self.half_height
@@ -123,18 +125,21 @@ class SliderInGuide(AbstractSharedLawJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return half the slider's height for each corner, m."""
+        """Return the largest meaningful penetration of each corner by label, m: `half_height`."""
         deepest: Scalar = self.half_height
         return dict.fromkeys(CORNERS, deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the slider's axis in the middle plane of the guide."""
+        """Return the ideal joint that keeps the slider's axis in the middle plane of the guide."""
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the centred joint with the slider moved to the wall in the direction of the load.
+        """Return the ideal joint that holds the slider where a load presses it to a wall.
 
-        Return ``None`` if the load has no component across the walls.
+        Return ``None`` if the load has no component along the walls' normal.
+
+        **Arguments:** `load`: (3,) N, force of the slider on the guide, in the axes of the guide's
+        body.
         """
         offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
         return None if offset is None else self._ideal(self.guide_point + offset)

@@ -13,7 +13,12 @@ from .stiffness import AbstractElasticity, as_stiffness
 
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
-    """A law with the elastic force K delta^n and its own damping, without entry speed or jumps."""
+    """Base class of laws with the elastic force K delta^n and a damping that a subclass defines.
+
+    The force doesn't depend on the entry speed and doesn't jump at the onset.
+
+    **Raises:** `ValueError` if the exponent n is below 1.
+    """
 
     uses_entry_speed = False
     force_jumps = False
@@ -122,11 +127,14 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the mean of both forces, N: the difference from it is dissipative."""
+        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution.
+
+        The rest of the force is dissipative.
+        """
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the integral of the elastic force, J."""
+        """Return the integral of the elastic force over the penetration, J."""
         return 0.5 * (1.0 + self.restitution) * super().stored_energy(gap)
 
     def delivered_restitution(self) -> Scalar:

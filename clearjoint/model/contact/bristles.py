@@ -20,7 +20,7 @@ from .stribeck import require_breakaway
 
 
 class AbstractBristleFriction(AbstractConverting):
-    """Friction force from the deflection of bristles, which is integrated with the motion.
+    """Base class of bristle laws: friction from a deflection that is integrated with the motion.
 
     A subclass defines the rate of the deflection, the ratio of friction to normal force, and two
     scales. The rate must vanish with the slip, so that a sticking contact doesn't drift. The
@@ -58,37 +58,46 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return the rate of the deflection, m/s, for a deflection in m and a slip velocity in
-        m/s."""
+        """Return the rate of the deflection, m/s.
+
+        **Arguments:** `deflection`: m. `slip`: tangential velocity of the surfaces, m/s.
+        """
 
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return friction over normal force, in the direction of the slip that it resists.
+        """Return the vector of friction over normal force, with the sign of the slip.
 
-        `rate` is the rate of the deflection, m/s.
+        The friction force on the second body is minus this vector times the normal force.
+
+        **Arguments:** `deflection`: m. `rate`: of the deflection, m/s. `slip`: m/s.
         """
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force in steady dry sliding at a speed in m/s."""
+        """Return the ratio of friction to normal force in steady dry sliding at a speed, m/s."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate deflection in steady sliding, m: the error scale of
-        deflections."""
+        """Return the approximate deflection in steady sliding, m.
+
+        The solver measures errors of deflections relative to this number.
+        """
 
     def stored_energy(self, deflection: Vector) -> Scalar:
         """Return the recoverable energy of the bristles over the normal force, m; zero by default.
 
-        With zero all friction work counts as dissipated.
+        With zero, the energy ledger counts all friction work as dissipated. `deflection` is in m.
         """
         del deflection
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Return the friction force in N in steady sliding at a slip velocity in m/s.
+        """Return the friction force on the second body in steady sliding, N.
 
-        Runs that don't integrate the bristles use it.
+        It replaces the bristles where they are not integrated.
+
+        **Arguments:** `normal_force`: N. `slip`: velocity of the second body relative to the first,
+        m/s.
         """
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
@@ -137,8 +146,12 @@ class Dahl(AbstractBristleFriction):
 
 
 class AbstractDampedBristles(AbstractBristleFriction):
-    """Damped bristles with the ratio sigma0 z + sigma1 dz/dt + sigma2 v and Stribeck's sliding
-    curve."""
+    """Base class of damped bristles with Stribeck's curve in steady sliding.
+
+    Friction over normal force is sigma0 z + sigma1 dz/dt + sigma2 v, with the deflection z, m, and
+    the slip v, m/s. In steady sliding it falls from `breakaway` to `kinetic` around the
+    `stribeck_speed`, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1 and `viscosity` sigma2, s/m.
+    """
 
     stiffness: eqx.AbstractVar[Single]
     damping: eqx.AbstractVar[Single]
@@ -208,7 +221,13 @@ class ElastoPlastic(AbstractDampedBristles):
     follows half a sine between. Below z_ba an oscillating load causes no drift. In two dimensions
     alpha is multiplied by the cosine of the angle between slip and deflection.
 
-    **Arguments:** as for `LuGre`, and `elastic_deflection`: z_ba, m, below mu_C/sigma0.
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `stribeck_speed`: v_S, m/s, of g(v) as in `LuGre`.
+    - `elastic_deflection`: z_ba, m, below mu_C/sigma0.
+    - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
+      normal force.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))

@@ -22,19 +22,23 @@ from .stiffness import AbstractElasticity, AbstractMaterialPair
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Gauss quadrature over [0, 1]."""
+"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each."""
 _STRAIGHT_FROM = 0.99
 """Fraction of the largest penetration, where some formulas have an infinite stiffness, from which
 the force is extrapolated linearly."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
-    """Contact of a journal with its bearing along a line.
-
-    **Arguments:** as for `RavnStiffness`, and `length`: m, of the line. Each base of a
-    `ClearanceJoint` applies the full law: use half the journal's length.
+    """Base class of elasticities for a journal that touches its bearing along a line.
 
     A subclass defines `line_force`; the energy is integrated numerically by default.
+
+    **Arguments:**
+
+    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
+    - `length`: of the line, m. Each base of a `ClearanceJoint` applies the full law: use half the
+      journal's length.
 
     ```python
     import clearjoint as cj
@@ -54,33 +58,37 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     @abc.abstractmethod
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return the force per length, N/m, at a positive depth, m, for the radii of a gap."""
+        """Return the force per length, N/m.
+
+        **Arguments:** `gap`: gives the radii, m; its depth is not used. `depth`: penetration, m,
+        positive.
+        """
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return the integral of `line_force`, J/m, up to a positive depth, m.
-
-        Gauss quadrature in the square root of the depth, of which the force is a smooth function.
-        """
+        """Return the integral of `line_force` up to a positive depth, m, in J/m."""
+        # The force is a smooth function of the square root of the depth, but not of the depth:
+        # Gauss quadrature in the root is accurate.
         depths = [depth * node**2 for node in _NODES]
         forces = [self.line_force(gap, at) for at in depths]
         parts = zip(_WEIGHTS, _NODES, forces, strict=True)
         return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """Return the largest valid penetration of the formula, m, or ``None`` if it has none."""
+        """Return the largest penetration for which the formula holds, m; ``None`` for no limit."""
         del gap
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the limit of the penetration."""
+        """Return the range of valid penetrations, m, or an empty tuple without a limit."""
         deepest = self.deepest(gap)
         if deepest is None:
             return ()
         return (Limit(type(self).__name__, "penetration", "m", gap.depth, 0.0, deepest),)
 
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """Return the elastic force, N, continued linearly near the largest valid penetration.
+        """Return the elastic force, N, zero without penetration.
 
+        Near the largest valid penetration and beyond it, the force continues along its tangent.
         The exponent is not used.
         """
         del exponent
@@ -108,7 +116,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(touches, self.length * energy, 0.0)
 
     def _straight(self, gap: Gap) -> "_Straight | None":
-        """Return the start of the linear continuation, or ``None`` without one."""
+        """Return where the linear continuation starts, or ``None`` for a formula without limit."""
         deepest = self.deepest(gap)
         if deepest is None:
             return None
@@ -127,14 +135,14 @@ class _Straight(NamedTuple):
 
 
 def _positive(gap: Gap) -> tuple[Scalar, Scalar]:
-    """Return whether there is penetration, and the depth, or a positive substitute without one."""
+    """Return whether the surfaces touch, and the penetration, m; 1e-6 m if they don't touch."""
     # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
     touches = gap.depth > 0.0
     return touches, jnp.where(touches, gap.depth, 1e-6)
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Return bearing radius, journal radius and radial clearance, m."""
+    """Return bearing radius, journal radius and radial clearance of a gap, m."""
     assert gap.bearing_radius is not None and gap.clearance is not None
     return gap.bearing_radius, gap.journal_radius, gap.clearance
 
@@ -186,7 +194,7 @@ class PereiraCylinder(AbstractCylinder):
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the limits of the clearance."""
+        """Return the range of clearances for which the formula is valid, m."""
         clearance = radii_of(gap)[2]
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 

@@ -54,7 +54,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     @abc.abstractmethod
     def damping(self, gap: Gap) -> Scalar:
-        """Return D in N s/m^(1+m)."""
+        """Return the damping D for the radii of a gap, N s/m^(1+m)."""
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
@@ -71,16 +71,18 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
 
 def damping_ratio(restitution: Scalar) -> Scalar:
-    """Return the damping ratio of an oscillator whose speed falls to c in half a period.
+    """Return the damping ratio of an oscillator whose speed falls by a factor c in half a period.
 
-    It is -ln c/sqrt(pi^2 + ln^2 c).
+    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless, for the factor c = `restitution`.
     """
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
 
 
 def clamped_restitution(ratio: Scalar) -> Scalar:
-    r"""Return rebound over entry speed of a damped oscillator released where its force vanishes.
+    r"""Return rebound speed over entry speed for a spring and dashpot that can't pull.
+
+    The mass is released where the sum of the two forces vanishes.
 
     $$e = \exp\left(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\right)$$
 
@@ -95,7 +97,7 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 
 
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
-    """A dashpot tuned to a requested restitution for impacts of an effective mass.
+    """Base class of dashpots tuned to a requested restitution for impacts of an effective mass.
 
     **Arguments:**
 
@@ -128,7 +130,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
             )
 
     def _root(self, gap: Gap) -> Scalar:
-        """Return sqrt(K m)."""
+        """Return sqrt(K m) for the radii of a gap, with the effective mass m."""
         assert isinstance(self.stiffness, AbstractStiffness)
         return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
 
@@ -214,7 +216,13 @@ class Jankowski(AbstractTunedDashpotLaw):
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
-    """A dashpot with an explicit damping coefficient D, N s/m^(1+m)."""
+    """Base class of dashpots with an explicit damping coefficient.
+
+    **Arguments:**
+
+    - `stiffness`: K, N/m^n, or an elasticity.
+    - `damping_coefficient`: D, N s/m^(1+m), not negative.
+    """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     damping_coefficient: Single = quantity(
@@ -222,7 +230,7 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
     )
 
     def damping(self, gap: Gap) -> Scalar:
-        """Return the damping coefficient."""
+        """Return the damping coefficient D, N s/m^(1+m)."""
         del gap
         return self.damping_coefficient
 

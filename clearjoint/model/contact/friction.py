@@ -14,7 +14,7 @@ from ...math.vectors import Scalar, Vector
 
 
 class AbstractFriction(AbstractConverting):
-    """Friction force against the slip, proportional to the normal force.
+    """Base class of friction laws: a force against the slip, proportional to the normal force.
 
     A subclass defines the ratio of friction to normal force as a function of the slip speed. The
     ratio must vanish at zero speed, so that the force and its derivatives are finite there.
@@ -42,10 +42,14 @@ class AbstractFriction(AbstractConverting):
 
     @abc.abstractmethod
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force at a slip speed in m/s."""
+        """Return the ratio of friction to normal force at a slip speed, m/s; zero at zero speed."""
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Return the friction force in N on the body whose slip velocity (m/s) is given."""
+        """Return the friction force on the second body, N; it opposes the slip.
+
+        **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
+        the first, m/s.
+        """
         speed, _ = norm_and_direction(slip)
         rests = speed == 0.0
         _, slope = jax.jvp(self.ratio, (jnp.zeros_like(speed),), (jnp.ones_like(speed),))

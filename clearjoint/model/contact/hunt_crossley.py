@@ -19,7 +19,7 @@ from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):
-    """F = K delta^n (1 + chi rate/entry speed), clamped at zero.
+    """Base class of laws F = K delta^n (1 + chi rate/entry speed), clamped at zero.
 
     A subclass declares the fields below and implements `damping_factor`. The restitution of a free
     mass is then that of `delivered_restitution`, which may differ from the requested restitution.
@@ -75,7 +75,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
             )
 
     def onset_offset(self) -> Scalar:
-        """Return the distance before the surface at which the force begins, m."""
+        """Return the distance of the surfaces at which the force begins, m: the smoothing width."""
         return 0.0 if self.smoothing is None else self.smoothing
 
     def slope_jumps(self) -> bool:
@@ -115,7 +115,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
 
     def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact, from the exact relation."""
+        """Return rebound speed over entry speed of a free impact, from the `damping_factor`."""
         return delivered_restitution(self.damping_factor())
 
 
@@ -179,14 +179,16 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
 
 
 class AbstractDampedLaw(AbstractHertzianLaw):
-    """A Hunt-Crossley law with a requested restitution and a floor on the entry speed.
+    """Base class of Hunt-Crossley laws with a requested restitution and a least entry speed.
 
-    A subclass defines `damping_factor`.
+    A subclass defines `damping_factor`, usually from `restitution`.
 
     **Arguments:**
 
     - `restitution`: requested c, 0 to 1.
-    - `stiffness`, `exponent`, `smoothing`: as in `AbstractHertzianLaw`.
+    - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
+    - `exponent`: n, at least 1; 1.5 by default.
+    - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
     - `entry_speed_floor`: m/s, lower bound of the entry speed, because the damping term diverges at
       zero entry speed.
 

@@ -28,7 +28,7 @@ Its impact is unknown; the large value makes the contact elastic.
 
 
 class AbstractContactLaw(AbstractConverting):
-    """A normal force law.
+    """Base class of normal force laws.
 
     A subclass defines the force, its elastic part and the stored energy, and two class attributes:
 
@@ -78,34 +78,38 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force in N, never negative.
+        """Return the normal force, N, never negative.
 
-        `entry_speed` is in m/s, or ``None`` for a law that doesn't use it.
+        **Arguments:** `gap`: penetration, m, and its rate, m/s. `entry_speed`: m/s, or ``None`` for
+        a law that doesn't use the entry speed.
         """
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the part of the force that comes from stored energy, N."""
+        """Return the conservative part of the force, N: the derivative of the stored energy."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the elastic energy, J."""
+        """Return the elastic energy at a gap, J, zero without contact."""
 
     def onset_offset(self) -> Scalar:
-        """Return the distance before the surface at which the force begins, m; 0 by default."""
+        """Return the distance of the surfaces at which the force begins, m; 0 by default."""
         return 0.0
 
     def slope_jumps(self) -> bool:
-        """Return whether the derivative of the force by the depth may jump at the onset, as for a
-        spring.
+        """Return whether the derivative of the force by the penetration may jump at the onset.
 
-        If it may, which is the default, steps that end at an onset are corrected for the kink.
-        ``False`` saves one evaluation of the motion at each end of a contact.
+        It does for a linear spring. If ``True``, the default, steps that end at an onset are
+        corrected for the kink. ``False`` saves one evaluation of the motion at each end of a
+        contact.
         """
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the law at a gap; none by default. Exceeding them warns."""
+        """Return the validity limits of the law at a gap; an empty tuple by default.
+
+        A warning is issued if a limit is exceeded.
+        """
         del gap
         return ()
 
@@ -125,17 +129,20 @@ class AbstractElasticLaw(AbstractContactLaw):
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the stiffness."""
+        """Return the validity limits of the stiffness at a gap."""
         return self.stiffness.limits(gap)
 
 
 class AbstractPowerLaw(AbstractElasticLaw):
-    """A law with the elastic force K delta^n."""
+    """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
+
+    `stiffness` is K in N/m^n or an `AbstractElasticity`; `exponent` is n.
+    """
 
     exponent: eqx.AbstractVar[float]
 
     def slope_jumps(self) -> bool:
-        """Return ``False`` if the elastic force has an exponent above one."""
+        """Return ``False`` if the exponent is above one: the force then starts with zero slope."""
         return not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:
@@ -150,7 +157,7 @@ class AbstractPowerLaw(AbstractElasticLaw):
 def require_flat_law(law: object, surfaces: str) -> None:
     """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
 
-    `surfaces` names the surfaces in the error message.
+    **Raises:** `ValueError` that names the `surfaces`.
     """
     require(
         isinstance(law, AbstractContactLaw),
@@ -172,7 +179,9 @@ def require_flat_law(law: object, surfaces: str) -> None:
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Return the normal force of a contact, N.
 
-    If no entry speed is recorded yet (zero), the current rate is used; the two agree at the onset.
+    **Arguments:** `law`: the normal law. `gap`: penetration, m, and its rate, m/s. `entry_speed`:
+    m/s; ``None`` for a law that doesn't use the entry speed, 0 before the onset is recorded. The
+    current rate then replaces the entry speed, with which it agrees at the onset.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)

@@ -8,12 +8,13 @@ from ...math.vectors import Scalar
 
 
 class Limit(NamedTuple):
-    """A quantity of a contact, and the range in which a law is valid.
+    """Value of a quantity of a contact, and the range of values for which a law is valid.
 
-    - `law`, `quantity`: names.
-    - `unit`: of the numbers.
-    - `value`: of the quantity.
-    - `least`, `most`: ends of the range.
+    - `law`: name of the law's class.
+    - `quantity`: name of the quantity, such as "penetration" or "clearance".
+    - `unit`: unit of the three numbers below, as text.
+    - `value`: present value of the quantity.
+    - `least`, `most`: ends of the valid range.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -31,7 +32,11 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """Return a sentence for each exceeded limit of a quantity; traced numbers are not checked."""
+    """Return a sentence for each limit whose value is outside its range.
+
+    Only limits of the given `quantity` are checked, and only those with known numbers, not traced
+    by JAX.
+    """
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
@@ -47,6 +52,6 @@ def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
 
 
 def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
-    """Issue a `LawRangeWarning` for each exceeded limit of a quantity."""
+    """Issue a `LawRangeWarning` for each limit of a `quantity` whose value is outside its range."""
     for sentence in exceeded(limits, quantity):
         caution(sentence, LawRangeWarning)

@@ -22,7 +22,10 @@ _STEPS = 5
 
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
-    """Return the solution u > 1 of u exp(1 - u) = ratio, for ratios between zero and one."""
+    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
+
+    The ratio is that of the penetration to its maximum; u is ln(A/P) + k.
+    """
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
@@ -39,22 +42,25 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 
 
 class AbstractLogarithmicCylinder(AbstractCylinder):
-    """delta = P S [ln(A/P) + k], solved for P; a subclass defines A and k."""
+    """Base class of line contacts with delta = P S [ln(A/P) + k] for the load P per length, N/m.
+
+    A subclass defines the load A, N/m, and the number k.
+    """
 
     @abc.abstractmethod
     def reference_load(self, gap: Gap) -> Scalar:
-        """Return A, a force per length, N/m."""
+        """Return the load A for the radii of a gap, N/m."""
 
     @abc.abstractmethod
     def constant(self) -> float:
-        """Return k."""
+        """Return the number k, dimensionless."""
 
     def _flatness(self) -> Scalar:
         """Return S = 1/(pi E*), 1/Pa."""
         return self.compliance() / jnp.pi
 
     def deepest(self, gap: Gap) -> Scalar:
-        """Return the largest penetration of the formula, m."""
+        """Return the largest penetration for which the formula is valid, m."""
         return self.reference_load(gap) * np.exp(self.constant() - 1.0) * self._flatness()
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
@@ -62,7 +68,10 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
         return depth / (self._flatness() * inverse_of_load(depth / self.deepest(gap)))
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return P delta minus the integral of the penetration over the load, J/m."""
+        """Return the integral of the force per length over the penetration, J/m.
+
+        It is P delta minus the integral of the penetration over the load P.
+        """
         u = inverse_of_load(depth / self.deepest(gap))
         return (depth / u) ** 2 * (0.5 * u - 0.25) / self._flatness()
 

@@ -20,7 +20,7 @@ _MOST_STEPS = 32
 
 
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
-    r"""Return rebound speed over entry speed of a free impact.
+    r"""Return rebound speed over entry speed of a free impact with a Hunt-Crossley law.
 
     $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
 
@@ -37,7 +37,8 @@ def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.
 
 @jnp.vectorize
 def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
-    """Solve for y = -ln(1 - chi e), which stays exact where chi e rounds to one."""
+    """Return the restitution e for a damping factor chi, one number."""
+    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -50,7 +51,9 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
-    """Return y - 1 + exp(-y) - loss, which is increasing and convex: Newton's method converges."""
+    """Return y - 1 + exp(-y) - loss, which increases and is convex, so that Newton's method
+    converges.
+    """
     return y + jnp.expm1(-y) - loss
 
 
@@ -61,7 +64,7 @@ _EXACT_STEPS = 5
 
 
 def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
-    """Return the damping factor with which a free impact delivers a restitution.
+    """Return the damping factor chi with which a free impact delivers a given restitution.
 
     **Arguments:** `restitution`: e in (0, 1].
 
@@ -78,7 +81,10 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
 
 @jax.custom_jvp
 def _logarithm(e: Scalar) -> Scalar:
-    """Return y = -ln(1 - chi e), which determines chi even where chi e rounds to one."""
+    """Return y = -ln(1 - chi e) for a restitution e.
+
+    Unlike chi e, y doesn't lose digits where chi e rounds to one.
+    """
     # Start from the factor of Carvalho and Martins, or from the asymptote for small e.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(

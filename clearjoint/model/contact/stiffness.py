@@ -22,7 +22,7 @@ _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 
 
 class AbstractElasticity(AbstractConverting):
-    """The elastic force of a contact as a function of its penetration, and its stored energy.
+    """Base class of elastic forces of a contact as a function of the penetration.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -34,26 +34,29 @@ class AbstractElasticity(AbstractConverting):
     def force(self, gap: Gap, exponent: float) -> Scalar:
         """Return the elastic force, N, zero without penetration.
 
-        `exponent` is the exponent n of the law.
+        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n.
         """
 
     @abc.abstractmethod
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """Return the integral of the force over the penetration, J."""
+        """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force is known to start with zero slope."""
+        """Return whether the force is known to start with zero slope at the onset.
+
+        `exponent` is n of a law K delta^n. The default is ``False``.
+        """
         del exponent
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits at a gap; none by default."""
+        """Return the validity limits of the elastic force at a gap; an empty tuple by default."""
         del gap
         return ()
 
 
 class AbstractStiffness(AbstractElasticity):
-    """The generalised stiffness K of a law with the elastic force K delta^n.
+    """Base class of generalised stiffnesses K, N/m^n, of laws with the elastic force K delta^n.
 
     ```python
     import clearjoint as cj
@@ -103,9 +106,10 @@ class GivenStiffness(AbstractStiffness):
 
 
 class AbstractMaterialPair(AbstractConverting):
-    """Young's moduli in Pa and Poisson's ratios of bearing and journal.
+    """Elastic constants of the materials of bearing and journal.
 
-    The journal's values default to the bearing's.
+    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None`` for the bearing's.
     """
 
     young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
@@ -131,7 +135,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
-    The stiffness depends on the radii, and so changes with the clearance.
+    Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on their radii R and
+    thus on the clearance R_i - R_j.
 
     **Arguments:**
 

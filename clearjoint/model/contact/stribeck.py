@@ -15,7 +15,10 @@ from .friction import AbstractFriction
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Check that the breakaway coefficient is not smaller than the kinetic coefficient."""
+    """Check that the breakaway coefficient is not smaller than the kinetic coefficient.
+
+    **Raises:** `ValueError` otherwise.
+    """
     if (known := checkable(breakaway, kinetic)) is not None:
         slow, fast = known
         require(
@@ -28,7 +31,10 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 
 
 class AbstractFallingFriction(AbstractFriction):
-    """Friction that falls from a breakaway coefficient mu_S to a kinetic coefficient mu_C."""
+    """Base class of friction that falls with the slip speed from a maximum to a lower limit.
+
+    `breakaway` is the maximum mu_S of the coefficient, `kinetic` its limit mu_C at high speed.
+    """
 
     breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
     kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
@@ -75,7 +81,7 @@ class Stribeck(AbstractFallingFriction):
             )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the Stribeck curve, regularised at zero speed."""
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
         fade = jnp.exp(-positive_power(slip_speed / self.stribeck_speed, self.exponent))
         curve = self.kinetic + (self.breakaway - self.kinetic) * fade
         return curve * jnp.tanh(slip_speed / self.regularisation_speed)
@@ -103,7 +109,7 @@ class BengisuAkay(AbstractFallingFriction):
     decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the parabola below v0 and the exponential above."""
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
         x = jnp.minimum(slip_speed / self.breakaway_speed, 1.0)
         beyond = jnp.maximum(slip_speed - self.breakaway_speed, 0.0)
         fall = (self.breakaway - self.kinetic) * jnp.expm1(-self.decay * beyond)
@@ -133,7 +139,7 @@ class BrownMcPhee(AbstractFallingFriction):
     )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the sum of the Coulomb term and the peak at the transition speed."""
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
         x = slip_speed / self.transition_speed
         peak = (self.breakaway - self.kinetic) * x / (0.25 * x**2 + 0.75) ** 2
         return self.kinetic * jnp.tanh(4.0 * x) + peak

@@ -19,10 +19,11 @@ from ...math.vectors import Scalar
 
 
 class AbstractFunctionOfTime(AbstractConverting):
-    """A function of time in s that JAX can differentiate twice.
+    """Base class of functions of time that JAX can differentiate twice.
 
-    Its unit is that of the quantity it prescribes. The class attribute `jumps` states whether it
-    may jump; functions for torques and loads may, functions for angles may not.
+    The argument is the time in s. The value is in the SI unit of the angle, distance, torque or
+    force that the function prescribes. The class attribute `jumps` states whether the function may
+    jump; functions for torques and loads may, functions for angles and distances may not.
 
     ```python
     import clearjoint as cj
@@ -46,12 +47,15 @@ class AbstractFunctionOfTime(AbstractConverting):
         """Return the value at a time in s."""
 
     def breakpoints(self) -> PyTree:
-        """Return the times of its kinks and jumps in s, as for an element; none by default."""
+        """Return the times in s of the function's kinks and jumps; an empty tuple by default.
+
+        The result may be a number, an array, or a tuple of them. Integration steps end there.
+        """
         return ()
 
 
 class _PlainFunction(AbstractFunctionOfTime):
-    """A Python function: part of the compiled program, without parameters."""
+    """A Python function of the time, which becomes part of the compiled program."""
 
     function: Callable[[jax.Array], Scalar] = eqx.field(static=True)
 
@@ -64,7 +68,8 @@ class Polynomial(AbstractFunctionOfTime):
 
     (2.0,) is constant; (0.1, 50.0) is 0.1 + 50 t.
 
-    **Arguments:** `coefficients`: (N,), in the unit of the quantity over powers of s.
+    **Arguments:** `coefficients`: (N,), c_k of the sum of c_k t^k, in the SI unit of the value over
+    s^k.
 
     **Raises:** `ValueError` if the coefficients are not a row of finite numbers.
 
@@ -124,7 +129,11 @@ class Spline(AbstractFunctionOfTime):
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
         """Return the natural cubic spline through a table (SciPy's `CubicSpline`).
 
+        The curvature is continuous, and zero at both ends.
+
         **Arguments:** `times`: (N,) s, increasing. `values`: (N,), or (N, 3) for a force.
+
+        **Raises:** `ValueError` as for `Spline`.
         """
         from scipy.interpolate import CubicSpline
 
@@ -146,7 +155,7 @@ class Spline(AbstractFunctionOfTime):
         return value + before * rates[0] + after * rates[-1]
 
     def breakpoints(self) -> PyTree:
-        """Return none: a natural spline has continuous curvature."""
+        """Return an empty tuple: the spline is smooth enough for the integration."""
         return ()
 
 
@@ -155,7 +164,7 @@ FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scala
 
 
 def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
-    """Convert a number or Python function to an `AbstractFunctionOfTime`.
+    """Return a number, a Python function or a function of time as an `AbstractFunctionOfTime`.
 
     **Raises:** `ValueError` if the value is neither a number nor a function.
     """
@@ -173,7 +182,10 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 
 
 def require_rising(times: ArrayLike) -> None:
-    """Check that times, s, are increasing."""
+    """Check that `times`, s, is a row of at least two increasing numbers.
+
+    **Raises:** `ValueError` otherwise.
+    """
     shape = np.shape(times)
     remedy = "pass at least two times, sorted and without duplicates"
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
@@ -184,14 +196,23 @@ def require_rising(times: ArrayLike) -> None:
 
 
 def require_continuous(function: AbstractFunctionOfTime) -> None:
-    """Check that a function that prescribes an angle or a distance doesn't jump."""
+    """Check that a function that prescribes an angle or a distance doesn't jump.
+
+    **Raises:** `ValueError` if its class attribute `jumps` is true.
+    """
     remedy = "use PiecewiseLinear(times, values) or Spline.through(times, values)"
     kind = type(function).__name__
     require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
 
 
 def require_rows(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Check that values have one finite number, or three, for each of the times."""
+    """Check that values have one finite number, or three, for each time.
+
+    **Arguments:** `argument`: name of the values in the error. `values`: of the shape `shape`, or
+    (*shape, 3). `shape`: (N,), shape of the times.
+
+    **Raises:** `ValueError` otherwise.
+    """
     given, remedy = np.shape(values), "give one value per time, or three for a force"
     expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
     require(given in (shape, (*shape, 3)), argument, given, expected, remedy)

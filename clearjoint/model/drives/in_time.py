@@ -1,5 +1,4 @@
-"""Fields of elements that may change with time: numbers or vectors, constant or functions of
-time."""
+"""Fields of elements, such as a torque, that are constant numbers or functions of time."""
 
 from collections.abc import Callable
 from functools import partial
@@ -34,26 +33,35 @@ class _PlainVectorFunction(AbstractFunctionOfTime):
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Return a field for a number in a unit, or a function of time."""
+    """Declare a field that holds a number or a function of time, in the given SI unit.
+
+    `options` are those of `quantity`, such as `default`.
+    """
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Return a field for three numbers in a unit, each of which may be a function of time."""
+    """Declare a field that holds three numbers or functions of time, in the given SI unit.
+
+    `options` are those of `quantity`, such as `default`.
+    """
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """Convert a number or a function of time to the stored form."""
+    """Return a number as an array, or a function as an `AbstractFunctionOfTime`."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Convert three numbers or functions of time to the stored form."""
+    """Return three numbers as an array, (3,), or functions as `AbstractFunctionOfTime`s.
+
+    Three components of which one is a function become a tuple of three.
+    """
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
@@ -64,7 +72,10 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
 
 def value_at(given: SingleInTime, t: Scalar) -> Scalar:
-    """Return the value of a number or function of time at a time, s."""
+    """Return a number unchanged, or the value of a function of time at the time `t`, s.
+
+    **Raises:** `ValueError` if the function doesn't return one number.
+    """
     if not isinstance(given, AbstractFunctionOfTime):
         return given
     value = given(t)
@@ -75,7 +86,13 @@ def value_at(given: SingleInTime, t: Scalar) -> Scalar:
 
 
 def vector_at(given: PyTree, t: Scalar) -> Vector:
-    """Return the vector of three numbers or functions of time (in scalar form) at a time, s."""
+    """Return the vector that a field holds at the time `t`, s.
+
+    **Arguments:** `given`: a constant `Vector`, a tuple of three numbers or functions of time, or
+    one function that returns three numbers.
+
+    **Raises:** `ValueError` if a function returns another number of values.
+    """
     if isinstance(given, Vector):
         return given
     if isinstance(given, tuple):
@@ -92,7 +109,7 @@ def _shape(value: PyTree) -> tuple[int, ...]:
 
 
 def breakpoints_of(*given: PyTree) -> PyTree:
-    """Return the breakpoints of all functions of time among the given fields, s."""
+    """Return the breakpoints of all functions of time in the given fields, s, as a tuple."""
     parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
 

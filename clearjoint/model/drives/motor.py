@@ -41,7 +41,10 @@ class Motor(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None`` for no limit.
@@ -77,7 +80,10 @@ class Motor(AbstractDriveTorque):
         self.torque_limit = torque_limit
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the control torque within the limit, N m."""
+        """Return the control torque, N m, within the torque limit.
+
+        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: time, s.
+        """
         t = jnp.asarray(t, dtype=float)
         target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
         error = wrapped(target - angle, 2.0 * math.pi)
@@ -90,6 +96,6 @@ class Motor(AbstractDriveTorque):
 
 
 def _clipped(value: Scalar, limit: Scalar) -> Scalar:
-    """Return the value limited in both directions, with smooth transitions."""
+    """Return the value limited to [-limit, limit], with smooth transitions."""
     width = ROUNDING * limit
     return value - ramp(value - limit, width) + ramp(-value - limit, width)

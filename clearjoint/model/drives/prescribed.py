@@ -35,7 +35,10 @@ class PrescribedAngle(AbstractRotationDriver):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `function`: the angle in rad as a function of time in s: a `Spline` through a table, a
       `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX can
       differentiate twice. A Python function is part of the compiled program, has no parameters to
@@ -67,7 +70,7 @@ class PrescribedAngle(AbstractRotationDriver):
         require_continuous(self.function)
 
     def angle(self, t: Scalar) -> Scalar:
-        """Return the function's value, rad."""
+        """Return the prescribed angle, rad, at the time `t`, s."""
         return self.function(t)
 
     def breakpoints(self) -> PyTree:
@@ -84,7 +87,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
     **Arguments:**
 
-    - `first`, `second`, `point_first`, `point_second`: as for `SphericalJoint`.
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m in body axes.
     - `axis`: (3,) in the first body's axes, any length.
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
@@ -118,7 +122,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the distance minus the prescribed distance, m."""
+        """Return the row "distance": the distance minus the prescribed distance, m."""
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         axis = unit(self.axis)
         distance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)

@@ -25,7 +25,7 @@ from .in_time import SingleInTime, breakpoints_of, single_in_time, value_at
 
 
 class AbstractDrive(AbstractPair):
-    """An element that acts on the angle of a second body about an axis of a first body.
+    """Base class of elements that act on the angle of a second body about an axis of a first body.
 
     - `axis`: (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
@@ -130,7 +130,7 @@ class PrescribedRotation(AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """A torque about the axis on the second body, with its reaction on the first.
+    """Base class of torques about an axis on the second body, with the reaction on the first.
 
     ```python
     import clearjoint as cj
@@ -167,7 +167,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         }
 
     def speed(self, motions: Motions) -> Scalar:
-        """Return the rate of the angle, rad/s."""
+        """Return the rate of the angle of the second body relative to the first, rad/s."""
         return _rate(self.relative_angle(motions), motions)
 
 
@@ -193,7 +193,10 @@ class DriveTorque(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `torque`: N m, positive towards larger angles: a number, or a function of time such as
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
@@ -213,7 +216,7 @@ class DriveTorque(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque at the time, N m."""
+        """Return the torque at the time `t`, s, in N m."""
         del angle, speed
         return value_at(self.torque, t)
 

@@ -21,7 +21,8 @@ LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""Coefficients of a1 and a2 in powers of the width-to-diameter ratio: load carried by rotation."""
+"""Coefficients of the polynomials a1 and a2 of the width-to-diameter ratio, lowest power first, for
+the load that rotation carries."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -29,12 +30,14 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""Coefficients of a3 to a7: angle between the load and the line of centres."""
+"""Coefficients of the polynomials a3 to a7 of the width-to-diameter ratio, lowest power first, for
+the angle between the load and the line of centres."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
 )
-"""Coefficients of a8 and a9: load carried by squeeze."""
+"""Coefficients of the polynomials a8 and a9 of the width-to-diameter ratio, lowest power first, for
+the load that squeeze carries."""
 
 
 class ButenschoenFilm(AbstractFilm):
@@ -72,7 +75,7 @@ class ButenschoenFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Return the sum of the forces of rotation and squeeze, N."""
+        """Return the force on the journal, N: the sum of the forces of rotation and squeeze."""
         width = gap.length / (2.0 * gap.bearing_radius)
         ratio, _ = norm_and_direction(gap.offset)
         # The unit vector along the line of centres, which fades out for a centred journal.
@@ -88,14 +91,20 @@ class ButenschoenFilm(AbstractFilm):
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the limits of the width-to-diameter ratio."""
+        """Return the range of width-to-diameter ratios for which the film law is valid.
+
+        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
+        """
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__
         return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return So_D over the eccentricity ratio, for steady rotation. `width` is B/D."""
+    """Return the load number So_D of steady rotation divided by the eccentricity ratio.
+
+    `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio
     short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
@@ -103,13 +112,20 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return beta, rad: from the line of centres to the load carried by rotation."""
+    """Return the angle beta, rad, from the line of centres to the load that rotation carries.
+
+    `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    """
     short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return So_V for the eccentricity ratio, which is negative for an opening film."""
+    """Return the load number So_V of squeeze.
+
+    `width` is the width-to-diameter ratio B/D. `ratio` is the eccentricity ratio, with a negative
+    sign if the eccentricity decreases.
+    """
     numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)
     square = ratio * ratio
     arc = 0.5 * math.pi - 0.5 * jnp.arccos(ratio)
@@ -119,5 +135,5 @@ def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def polynomial(coefficients: Sequence[Scalar], x: Scalar) -> Scalar:
-    """Return the polynomial of x, lowest coefficient first; coefficients may be traced arrays."""
+    """Return the value of a polynomial at x, from its coefficients, lowest power first."""
     return reduce(lambda value, coefficient: value * x + coefficient, reversed(coefficients))

@@ -44,7 +44,7 @@ class CaponeFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Return the integral of the positive pressures, N."""
+        """Return the force on the journal, N: the integral of the positive pressures."""
         offset, rate = gap.offset, gap.rate
         speed, direction = norm_and_direction(rate)
         rho = 1.0 - offset.dot(offset)

@@ -24,11 +24,13 @@ class FilmGap:
     """Position and motion of a journal in its bearing, as inputs of a film law.
 
     - `axis`: of the bearing, a unit vector. `offset` and `rate` are perpendicular to it.
-    - `offset`: from the bearing's axis to the journal's, over the clearance; its length is the
-      eccentricity ratio, below 1.
-    - `rate`: 1/s, rate of the offset in axes that rotate with half the sum of the spins.
-    - `spin`: rad/s, of the journal relative to the bearing, about the axis.
-    - `bearing_radius`, radial `clearance`, `length` of the film: m.
+    - `offset`: vector from the bearing's axis to the journal's, divided by the clearance; its
+      length is the eccentricity ratio, below 1.
+    - `rate`: of the offset, 1/s, as seen in axes that rotate with half the sum of the two spins.
+    - `spin`: of the journal relative to the bearing about the axis, rad/s.
+    - `bearing_radius`: m.
+    - `clearance`: radius of the bearing less that of the journal, m.
+    - `length`: of the film along the axis, m.
 
     >>> gap = extend.FilmGap(
     ...     axis=extend.UNIT_Z,
@@ -53,7 +55,7 @@ class FilmGap:
 
 
 class AbstractFilm(AbstractConverting):
-    """A lubricant film with a `viscosity`, Pa s.
+    """Base class of lubricant films with a dynamic `viscosity`, Pa s.
 
     A subclass defines the force on the journal. The force and its derivatives must be finite at
     zero offset and at zero rate, where these vectors have no direction. Test it with
@@ -87,13 +89,16 @@ class AbstractFilm(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal perpendicular to the axis, N; its work with `rate` is
-        dissipated."""
+        """Return the force on the journal, N, perpendicular to the axis.
+
+        Its scalar product with the rate of the gap must not be positive: a film dissipates energy.
+        """
 
     def drag(self, gap: FilmGap) -> Scalar:
         """Return the moment on the journal about the bearing's axis, N m; it opposes the spin.
 
-        The default is that of a complete film, -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)) (A.
+        The default is that of a complete film, -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the
+        viscosity mu, bearing radius R, length L, clearance c and eccentricity ratio eps (A.
         Sommerfeld 1904).
         """
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
@@ -107,6 +112,9 @@ class AbstractFilm(AbstractConverting):
         )
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits for a bearing radius and film length, m; none by default."""
+        """Return the validity limits of the film law; an empty tuple by default.
+
+        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
+        """
         del bearing_radius, length
         return ()

@@ -49,7 +49,10 @@ class PinkusSternlichtFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force, N, in a form without division by the eccentricity or its rate."""
+        """Return the force on the journal, N.
+
+        The formula is rearranged so that nothing is divided by the eccentricity or its rate.
+        """
         offset, rate = gap.offset, gap.rate
         square = offset.dot(offset)
         rho = 1.0 - square

@@ -23,7 +23,6 @@ NONE = (0.0, 0.0, 0.0)
 
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:
-    """Check that there is a number for each axis, none of them negative."""
     require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
     if (known := checkable(value)) is not None:
         (numbers,) = known
@@ -112,10 +111,10 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         )
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the forces and torques of springs and dampers on both bodies, by body.
+        """Return the wrench of all springs and dampers on each body, by body name.
 
-        On the first body they act in the direction of the deformation, on the second body they are
-        equal and opposite.
+        On the first body the forces and torques act in the direction of the deformation, on the
+        second body they are equal and opposite.
         """
         del t
         first, second = motions[self.first], motions[self.second]
@@ -162,5 +161,5 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
 
 
 def _weighted(weights: Vector, vector: Vector) -> Scalar:
-    """Return the weighted sum of the squared components of a vector."""
+    """Return the sum of the squared components of a vector, each times its weight."""
     return vector.componentwise_product(weights).dot(vector)

@@ -30,7 +30,11 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 
     - `first`, `second`: names of the bodies.
     - `point_first`, `point_second`: (3,) m in body axes.
-    - `stiffness`: N/m. `damping`: N s/m. `free_length`: m. None of them is negative.
+    - `stiffness`: N/m, not negative.
+    - `damping`: N s/m, not negative; zero by default.
+    - `free_length`: length without spring force, m, not negative; zero by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -52,7 +56,9 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return equal and opposite forces along the line between the points."""
+        """Return the wrenches on both bodies by name: opposite forces along the line between the
+        points.
+        """
         del t
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
@@ -62,12 +68,12 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return half the stiffness times the squared elongation, J."""
+        """Return the spring's energy, J: half the stiffness times the squared elongation."""
         del t
         return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return minus the damper's dissipation, W."""
+        """Return the damper's power, W, which is never positive."""
         del t
         return -self.damping * self._stretch(motions)[1] ** 2
 
@@ -84,7 +90,10 @@ class TorsionalSpring(AbstractDriveTorque):
 
     **Arguments:**
 
-    - `first`, `second`, `axis`, `orientation`: as for `PrescribedRotation`.
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
     - `rest_angle`: rad, of the unloaded spring.
 
@@ -106,17 +115,20 @@ class TorsionalSpring(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return minus stiffness times twist minus damping times speed, N m."""
+        """Return the torque of the spring and the damper on the second body, N m.
+
+        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: not used.
+        """
         del t
         return -(self.stiffness * self._twist(angle) + self.damping * speed)
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return half the stiffness times the squared twist, J."""
+        """Return the spring's energy, J: half the stiffness times the squared twist."""
         del t
         return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return minus the damper's dissipation, W."""
+        """Return the damper's power, W, which is never positive."""
         del t
         return -self.damping * self.speed(motions) ** 2
 
@@ -171,11 +183,11 @@ class AppliedLoad(AbstractForce):
         return (self.body,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the point of the force."""
+        """Return the point where the force acts, m in body axes."""
         return (("point", self.body, self.point),)
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the load as a wrench about the centre of mass."""
+        """Return the load at the time `t`, s, as a wrench on the body by its name."""
         motion = motions[self.body]
         force, torque = vector_at(self.force, t), vector_at(self.torque, t)
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}

@@ -33,9 +33,10 @@ Motions: TypeAlias = Mapping[str, Motion]
 ...     return motions["arm"].position.z
 """
 ByLabel: TypeAlias = dict[str, dict[str, T]]
-"""Values by joint name and then by the joint's label of a contact or constraint equation."""
+"""Values by name of the joint, then by label of the contact or constraint row of that joint."""
 Attachment: TypeAlias = tuple[str, str, Triple]
-"""A point on a body: the element's argument for it, the body's name, and (3,) m in body axes."""
+"""A point that an element has on a body: the name of the element's field that holds the point, the
+name of the body, and the point's position from the centre of mass, (3,) m in body axes."""
 
 
 @jax.tree_util.register_dataclass
@@ -43,12 +44,14 @@ Attachment: TypeAlias = tuple[str, str, Triple]
 class Row:
     """One scalar constraint equation Phi = 0 in a configuration.
 
-    - `value`: Phi.
-    - `jacobian`: for each body a force-moment pair, with the rate of Phi = sum(force . velocity +
-      moment . spin) + `time_rate`. The reaction on a body is its pair times the multiplier.
-    - `bias`: second derivative of Phi for zero accelerations.
+    - `value`: Phi, in m, rad, or without unit.
+    - `jacobian`: derivatives of the rate of Phi by the velocities, as a `Wrench` for each body by
+      name: `force` by the velocity of the centre of mass in global axes, `moment` by the spin in
+      body axes. The rate of Phi is sum(force . velocity + moment . spin) + `time_rate`. The
+      reaction on a body is this wrench times the row's Lagrange multiplier.
+    - `bias`: second time derivative of Phi if all linear and angular accelerations are zero.
     - `time_rate`: rate of Phi with all bodies at rest. It is zero unless Phi depends on time, as
-      for a driver, which then supplies the power -multiplier time_rate.
+      for a driver, which then supplies the power -multiplier time_rate in W.
 
     >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
     >>> row = extend.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
@@ -63,38 +66,43 @@ class Row:
 
 
 class AbstractElement(AbstractConverting):
-    """Base class of everything in a scene that acts on bodies."""
+    """Base class of joints, forces and drivers: everything in a scene that acts on bodies."""
 
     @abc.abstractmethod
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the bodies it acts on, including the ground."""
+        """Return the names of the bodies on which the element acts; the ground is "ground"."""
 
     def breakpoints(self) -> PyTree:
-        """Return the times in s at which the element is not a smooth function of time; none by
-        default.
+        """Return the times in s at which the element is not a smooth function of time; the default
+        is an empty tuple.
 
         A breakpoint is a jump or kink of the force, or a kink of the prescribed angle. Return a
-        number, an array or a tuple of them, in any order. Breakpoints that are computed from the
-        element's fields may be parameters. Integration steps end at breakpoints, each step sees one
-        side only, and derivatives include the effect of the jump. A jump at an undeclared time
-        costs many short steps, and `sensitivities` raises an error for it.
+        number, an array of any shape, or a tuple of numbers and arrays, in any order. Derivatives
+        by the breakpoints themselves are available if the times are computed from the element's
+        fields. Integration steps end at breakpoints, each step sees one side only, and derivatives
+        include the effect of the jump. A jump at an undeclared time costs many short steps, and
+        `sensitivities` raises an error for it.
         """
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies; none by default. The scene checks their units."""
+        """Return the element's points on bodies; the default is an empty tuple.
+
+        The scene warns of a point so far from the centre of mass that its unit is probably wrong.
+        """
         return ()
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen; by default its points are marked."""
+        """Draw the element with a pen; the default marks each point of `attachments`."""
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
 
 
 class AbstractConstraint(AbstractElement):
-    """An ideal joint: constraint equations Phi = 0 (eq. 27), enforced by multipliers.
+    """An ideal joint: constraint equations Phi = 0 (eq. 27), enforced by Lagrange multipliers.
 
-    This massless rod between two centres of mass differentiates a residual:
+    This example is a massless rod between two centres of mass. `rows_from_residual` differentiates
+    its equation (d^2 - l^2)/2 = 0 for the distance d and the rod's length l:
 
     ```python
     import clearjoint as cj
@@ -125,20 +133,27 @@ class AbstractConstraint(AbstractElement):
 
     @abc.abstractmethod
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the constraint equations by name; they must be linearly independent."""
+        """Return the constraint rows by label, at time `t` in s; they must be linearly
+        independent.
+
+        `motions` contains the motion of each body by name.
+        """
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the relative motion that the joint allows, with the body `parent` as the parent.
+        """Return the relative motion that the joint allows, for integration in joint coordinates.
 
-        With a motion subspace, joint coordinates replace the constraint equations. ``None``, the
-        default, keeps the equations.
+        `parent` is the name of one of the joint's two bodies. The subspace describes the motion of
+        the other body relative to it, and replaces the constraint rows. Return ``None``, the
+        default, if the joint has no motion subspace: its constraint rows are then kept.
         """
         del parent
         return None
 
 
 class AbstractForce(AbstractElement):
-    """A force element without contact.
+    """A force element without contact, such as a spring, a load or a drive torque.
+
+    This example is the quadratic drag of the air on one body:
 
     ```python
     import clearjoint as cj
@@ -164,18 +179,22 @@ class AbstractForce(AbstractElement):
 
     @abc.abstractmethod
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench on each body by name; a wrench on the ground is ignored."""
+        """Return the wrench on each body by name, at time `t` in s; one on the ground is ignored.
+
+        `motions` contains the motion of each body by name.
+        """
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the potential energy in J; 0 by default."""
+        """Return the element's potential energy in J, at time `t` in s; 0 by default."""
         del motions, t
         return 0.0
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the power in W that the element adds to the system, besides changes of its stored
-        energy.
+        """Return the power in W by which the element changes the total energy, at time `t` in s.
 
-        The default, the total power of the wrenches, is right for an element without stored energy.
+        The total energy includes `stored_energy`. The power is therefore that of the wrenches plus
+        the rate of the stored energy: zero for a spring, negative for a damper. The default, the
+        power of the wrenches alone, is right for an element without stored energy.
         """
         power: Scalar = 0.0
         for name, wrench in self.wrenches(motions, t).items():
@@ -188,19 +207,20 @@ class AbstractForce(AbstractElement):
 class Contact:
     """Geometry of one possible contact between two surfaces.
 
-    - `gap`: penetration and its rate.
+    - `gap`: penetration, m, and its rate, m/s.
     - `normal`: global unit vector, the direction in which the second body penetrates the first. The
       normal force on the second body is -F normal, on the first +F normal.
-    - `arm_first`, `arm_second`: contact points on the two surfaces, from each body's centre of mass
-      in its axes, m (eq. 17).
-    - `slip`: tangential velocity of the second body relative to the first, m/s, or ``None`` without
-      friction.
-    - `line_first`, `line_second`: optional points on the normal force's line of action, in body
-      axes, m. They replace the arms without friction, if they need less arithmetic and rounding.
-    - `turning`: only for a contact that acts as a couple: the derivatives of the penetration's rate
-      with respect to the first and the second body's spin, m in body axes. A normal force F then
-      acts as the moments -F times these vectors, without a net force. `normal` is the axis about
-      which the second body rotates into the first, and there is no friction.
+    - `arm_first`, `arm_second`: contact points on the first and the second body's surface, from
+      that body's centre of mass, m in that body's axes (eq. 17).
+    - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
+      ``None`` without friction.
+    - `line_first`, `line_second`: optional points on the normal force's line of action, m in each
+      body's axes. Without friction the force acts at these points instead of `arm_first` and
+      `arm_second`, which saves arithmetic and rounding errors.
+    - `turning`: ``None``, except for a contact that acts as a couple. It then consists of the
+      derivatives of the penetration's rate by the first and the second body's spin, m in body axes.
+      A normal force F acts as the moments -F times these vectors, without a net force. `normal` is
+      the axis about which the second body rotates into the first, and there is no friction.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -219,16 +239,19 @@ class Contact:
     turning: tuple[Vector, Vector] | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
-        """Return the points of action on the first and the second body, in body axes, m."""
+        """Return the points where the force acts on the first and the second body, m, each in its
+        body's axes.
+        """
         if has_friction or self.line_first is None or self.line_second is None:
             return self.arm_first, self.arm_second
         return self.line_first, self.line_second
 
 
 class AbstractContactJoint(AbstractElement):
-    """A joint with unilateral contacts, each with a normal law that may use the entry speed.
+    """A joint with unilateral contacts between a first and a second body.
 
-    Test a user-defined joint with `clearjoint.testing.check_contact_joint`.
+    Each contact has a label and a normal law, which may use the entry speed. This example is a ball
+    on a horizontal floor. Test a user-defined joint with `clearjoint.testing.check_contact_joint`.
 
     ```python
     import clearjoint as cj
@@ -262,20 +285,24 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law of each contact by name."""
+        """Return the normal law of each contact by label."""
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by name."""
+        """Return the geometry of each contact by label, from the motion of each body by name."""
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body in N, or ``None`` without friction."""
+        """Return the friction force on the second body, N in global axes; ``None`` without
+        friction.
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
+        """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle laws by contact name; none by default.
+        """Return the bristle laws by label of the contact; empty by default.
 
-        They replace `friction_force` for these contacts, which must have a `slip`.
+        A bristle law replaces `friction_force` for its contact, whose `slip` must not be ``None``.
         """
         return {}
 
@@ -288,59 +315,71 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of a film on each body by name; none by default.
+        """Return the wrench of a lubricant film on each body by name; empty by default.
 
-        All of the film's power is counted as dissipated.
+        The energy ledger counts the whole power of these wrenches as dissipated.
         """
         del motions
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetrations in m by contact name; none by default.
+        """Return the largest penetration for which the geometry is valid, m, by label of the
+        contact; empty by default.
 
-        A run ends when a contact exceeds this depth.
+        A run ends when a contact exceeds this depth. A contact without an entry has no limit.
         """
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a contact's law at a penetration, m; none by default.
+        """Return the validity limits of a contact's normal law; empty by default.
 
         A run that records impacts warns of penetrations outside the limits.
+
+        **Arguments:** `name`: label of the contact. `depth`: penetration, m.
         """
         del name, depth
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far the second body has slid out of the first along the axis, m; negative
-        inside.
+        """Return the distance by which the second body has slid out of the first along the joint's
+        axis, m; negative inside.
 
-        A run warns of positive values. ``None``, the default, means that this can't happen.
+        A run warns of positive values. ``None``, the default, stands for a joint whose second body
+        can't slide out.
         """
         del motions
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body midway between its contacts.
+        """Return the ideal joint that holds the second body midway between its contacts; ``None``
+        by default.
 
-        `assemble` moves a body that starts outside to this position. ``None`` by default.
+        `assemble` moves a body that starts outside its clearance to this position.
         """
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body at rest under a load, in packed form.
+        """Return the ideal joint that holds the second body where it rests under a load.
 
-        Return ``None``, the default, if there is no position of rest.
+        Return ``None``, the default, if there is no position of rest. Unlike in other methods, the
+        joint's fields are arrays here, not scalars.
 
-        **Arguments:** `load`: (3,) N, of the second body on the first, in the first body's axes.
+        **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
+        axes.
         """
         del load
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return a moving body, a point in its axes and the ground's point near it, or ``None``"""
+        """Return the anchor that reduces rounding errors of a joint with the ground; ``None`` by
+        default.
+
+        The anchor consists of the name of the moving body, the joint's point on this body, m in its
+        axes, and the joint's point on the ground, m in global axes.
+        """
         return None
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return constraint equations in addition to the contacts; none by default."""
+        """Return constraint rows in addition to the contacts, by label; empty by default."""
         del motions, t
         return {}

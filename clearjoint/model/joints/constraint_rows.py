@@ -16,7 +16,11 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the velocity of a body-fixed point along a direction."""
+    """Return the Jacobian and the bias of a body-fixed point's coordinate along a fixed direction.
+
+    The point `local`, m, is in body axes; `direction` is a global unit vector. The bias is the
+    centripetal acceleration along the direction, m/s^2.
+    """
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -29,7 +33,16 @@ def _negative(wrench: Wrench) -> Wrench:
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Return three rows that keep a point of each body together; points in m, body axes (eq. 25).
+    """Return three rows that keep a point of the first body at a point of the second (eq. 25).
+
+    The rows' values are the global components of the vector from the second point to the first, m,
+    with the labels "translation x", "translation y" and "translation z".
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `local_first`, `local_second`: point of each body, m in that body's axes.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -51,7 +64,15 @@ def coincident_points(
 def perpendicular(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """Return the row that keeps a direction of each body, in body axes, perpendicular.
+    """Return the row that keeps a direction of one body perpendicular to a direction of another.
+
+    The row's value is the scalar product of the two directions.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis_first`, `axis_second`: unit vector of each body, in that body's axes.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -82,8 +103,15 @@ def point_in_plane(
 ) -> Row:
     """Return the row that keeps a point of the second body in a plane of the first.
 
-    `local` is the point, m, in the second body's axes. The plane contains `origin`, m, and has the
-    normal `axis`, a unit vector, both in the first body's axes.
+    The row's value is the point's distance from the plane, m, positive on the side of the normal.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `origin`: a point of the plane, m in the first body's axes.
+    - `axis`: normal of the plane, a unit vector in the first body's axes.
+    - `local`: the point of the second body, m in that body's axes.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -95,7 +123,7 @@ def point_in_plane(
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
-    # In the first body's axes the point has centripetal and Coriolis terms from this body's spin.
+    # The plane rotates with the first body, so that its spin adds centripetal and Coriolis terms.
     velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
@@ -112,9 +140,16 @@ def turning_angle(
 ) -> Row:
     """Return the angle of a direction of the second body about an axis of the first, as a row.
 
-    The angle is in rad within (-pi, pi], from the first of the axis' `transverse_axes` to the
-    direction's projection across the axis. Its derivatives are therefore exact for any relative
-    orientation.
+    The angle is measured from the first of the axis' `transverse_axes` to the projection of the
+    direction on the plane across the axis. It is the row's value, rad within (-pi, pi]. The
+    derivatives are exact even if the direction is not perpendicular to the axis.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis`: unit vector in the first body's axes.
+    - `direction`: unit vector in the second body's axes, not parallel to the axis.
 
     >>> names = "ground", "ball"
     >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -130,6 +165,7 @@ def turning_angle(
     # valid for any length of the projected direction.
     c, s = cosine.value, sine.value
     inverse = 1.0 / (c * c + s * s)
+    # The angle depends only on orientations, so that its Jacobian has moments but no forces.
     jacobian = {}
     for name in names:
         moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
@@ -146,9 +182,16 @@ def turning_angle(
 def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """Return the `turning_angle` about an axis given in both bodies' axes, of any length, as a row.
+    """Return the angle of the second body relative to the first about a common axis, as a row.
 
-    It is zero if the frames differ by the shortest rotation between the axes' components.
+    The row's value is in rad within (-pi, pi]. It is zero if the bodies' frames differ by the
+    shortest rotation that makes the two axes parallel.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis_first`, `axis_second`: the axis in each body's axes, of any length.
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
@@ -160,13 +203,16 @@ def relative_angle_row(
 
 
 Pose = tuple[Vector, Matrix]
-"""Global position and rotation matrix of a body."""
+"""Position of a body's centre of mass, m in global axes, and matrix from body to global axes."""
 Velocities = tuple[Vector, Vector]
-"""Global velocity of a body, and its spin in body axes."""
+"""Velocity of a body's centre of mass, m/s in global axes, and its spin, rad/s in body axes."""
 
 
 def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
-    """Return the time derivative of a pose: the velocity, and A' = A ~spin."""
+    """Return the time derivative of a pose: the velocity, m/s, and the rotation matrix' rate, 1/s.
+
+    The rate is A' = A ~spin, with the matrix ~spin of the cross product.
+    """
     velocity, spin = velocities
     rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
     return velocity, Matrix(*(row.cross(spin) for row in rows))
@@ -179,15 +225,17 @@ def rows_from_residual(
     first: Motion,
     second: Motion,
 ) -> dict[str, Row]:
-    """Return the rows of a constraint given as a function of two poses, by differentiation.
+    """Return constraint rows by label, with derivatives by automatic differentiation.
 
-    It is meant for user-defined joints; hand-written derivatives are faster.
+    User-defined joints need only a function of the positions; hand-written derivatives are faster.
 
     **Arguments:**
 
-    - `names`: of the two bodies. `labels`: one for each row.
-    - `residual`: function of the first and the second body's (position, rotation matrix) that
-      returns one scalar per label.
+    - `names`: of the first and the second body.
+    - `labels`: of the rows, in the order of the residual's values.
+    - `residual`: function that returns a scalar for each label, zero if the constraint is
+      satisfied. Its two arguments are the poses of the first and the second body: a pair of the
+      position, m in global axes, and the rotation matrix from body to global axes.
     - `first`, `second`: motions of the bodies.
 
     >>> names = "ground", "ball"
@@ -212,8 +260,8 @@ def rows_from_residual(
         pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
         return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
 
-    # The bias is the second derivative at constant velocities and spins. The Jacobian consists of
-    # the rates for unit velocities and spins.
+    # The bias is the second derivative at constant velocities and spins. The rate is linear in
+    # velocities and spins, so that its values for unit velocities and spins are the Jacobian.
     pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
     biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)
@@ -237,7 +285,10 @@ def _as_arrays(tree: PyTree) -> PyTree:
 
 
 def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
-    """Return the twelve unit velocities and unit spins of two bodies."""
+    """Return the twelve cases in which one velocity or spin component of two bodies is 1.
+
+    Order: velocity x, y, z and spin x, y, z of the first body, then of the second.
+    """
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
     pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]

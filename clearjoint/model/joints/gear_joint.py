@@ -26,7 +26,6 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
-    """Check that a number of teeth is whole and positive."""
     remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
     require_positive(argument, value, remedy)
     if (known := checkable(value)) is not None:
@@ -42,11 +41,11 @@ class GearJoint(AbstractConstraint):
     gear or for two pulleys of a belt. For bevel gears the axes may have any directions. The gear
     joint doesn't hold the axes: add revolute joints, ideal or with clearance.
 
-    The angles are taken modulo a tooth, so that the number of revolutions is unlimited: the nearest
-    of the possible teeth meshes.
+    Angles are taken modulo a tooth, so that the number of revolutions is unlimited: of all meshing
+    positions, the gear joint holds the nearest.
 
-    The multiplier is the moment on the first gear in N m. The moments on gears and carrier equal
-    those of a real mesh, but the force between the teeth, which loads the bearings, is not
+    The Lagrange multiplier is the moment on the first gear in N m. The moments on gears and carrier
+    equal those of a real mesh, but the force between the teeth, which loads the bearings, is not
     modelled.
 
     ```python
@@ -57,10 +56,10 @@ class GearJoint(AbstractConstraint):
 
     **Arguments:**
 
-    - `carrier`, `first`, `second`: names of the bodies.
-    - `axis_first`, `axis_second`: of the gears, (3,) in the carrier's axes, any length.
-    - `teeth_first`, `teeth_second`: whole numbers.
-    - `internal`: whether the gears rotate in the same sense.
+    - `carrier`, `first`, `second`: names of the carrier's and the two gears' bodies.
+    - `axis_first`, `axis_second`: axis of each gear, (3,) in the carrier's axes, any length.
+    - `teeth_first`, `teeth_second`: numbers of teeth, whole and positive.
+    - `internal`: whether the gears rotate in the same sense; by default they don't.
     - `offset`: rad, the first gear's angle when the second gear's angle is zero.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
       components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
@@ -93,7 +92,11 @@ class GearJoint(AbstractConstraint):
         return self.carrier, self.first, self.second
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the angular error of the first gear, rad."""
+        """Return the row "mesh": the angular error of the first gear, rad.
+
+        The error is the angle of the first gear less the angle that follows from the second gear,
+        modulo a tooth of the first gear.
+        """
         del t
         first = self._angle(motions, self.first, self.axis_first, self.orientation_first)
         second = self._angle(motions, self.second, self.axis_second, self.orientation_second)
@@ -105,7 +108,11 @@ class GearJoint(AbstractConstraint):
     def _angle(
         self, motions: Motions, gear: str, axis: Vector, orientation: EulerParameters
     ) -> Row:
-        """Return the gear's angle relative to the carrier, rad, as a row."""
+        """Return a gear's angle relative to the carrier, rad within (-pi, pi], as a row.
+
+        `axis` is in the carrier's axes; `orientation` transforms from the gear's axes to the
+        carrier's at angle zero.
+        """
         start, _ = transverse_axes(unit(axis))
         direction = rotation_matrix(orientation).transposed_times(start)
         pair = motions[self.carrier], motions[gear]

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
-    """An ideal joint between a point of one body and a point of another."""
+    """Base class of ideal joints between a point of one body and a point of another."""
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """Return the values of the first and the second body, with the parent's value first."""
@@ -60,14 +60,20 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
 
 class AbstractAxisJoint(AbstractPairJoint):
-    """An ideal joint that keeps an axis of one body parallel to an axis of the other."""
+    """Base class of ideal joints that keep an axis of one body parallel to an axis of another.
+
+    `axis_first` and `axis_second` are the axes, (3,) in each body's axes, any length.
+    """
 
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return two rows that keep the first body's axis perpendicular to two transverse axes of
-        the second body's axis."""
+        """Return the rows "tilt 1" and "tilt 2", which keep the two axes parallel.
+
+        Each row is the scalar product of the first body's axis and one of two unit vectors across
+        the second body's axis.
+        """
         across = transverse_axes(unit(self.axis_second))
         return {
             label: self._perpendicular(motions, unit(self.axis_first), direction)
@@ -75,7 +81,10 @@ class AbstractAxisJoint(AbstractPairJoint):
         }
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the relative angle in rad, within (-pi, pi], as a row."""
+        """Return the second body's angle relative to the first about the common axis, as a row.
+
+        The row's value is in rad within (-pi, pi], right-handed about the first body's axis.
+        """
         names = (self.first, self.second)
         first, second = motions[self.first], motions[self.second]
         return relative_angle_row(names, first, second, self.axis_first, self.axis_second)
@@ -98,12 +107,15 @@ class SphericalJoint(AbstractPairJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the three components of the distance between the points, m."""
+        """Return the global components of the vector from the second point to the first, m.
+
+        The labels are "translation x", "translation y" and "translation z".
+        """
         del t
         return self._coincidence(motions)
 
     def motion_subspace(self, parent: str) -> Ball:
-        """Return free rotation about the joint's point."""
+        """Return the subspace of free rotation about the joint's point."""
         return Ball(*self._ordered(parent, self.point_first, self.point_second))
 
     def draw(self, pen: AbstractPen) -> None:
@@ -112,14 +124,17 @@ class SphericalJoint(AbstractPairJoint):
 
 
 class RevoluteJoint(AbstractAxisJoint):
-    """Keeps two points together and two axes parallel; five rows.
+    """Keeps two points together and two axes parallel: a hinge; five rows.
 
-    The cross product of eq. (26) has three rows of rank two. Instead, the first body's axis is kept
-    perpendicular to two transverse axes of the second body's axis. These rows are independent in
-    every orientation.
+    Eq. (26) of the paper is a cross product, whose three rows are linearly dependent. Instead, two
+    rows keep the first body's axis perpendicular to two directions across the second body's axis.
+    They are linearly independent in every orientation.
 
-    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the axis on each body,
-    (3,) in body axes, any length.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in body axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -134,7 +149,7 @@ class RevoluteJoint(AbstractAxisJoint):
         return self._coincidence(motions) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> Hinge:
-        """Return rotation about the axis."""
+        """Return the subspace of rotation about the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return Hinge(*points, in_child, aligning(in_parent, in_child))
@@ -147,9 +162,12 @@ class RevoluteJoint(AbstractAxisJoint):
 class FixedJoint(AbstractPairJoint):
     """Holds two bodies rigidly together; six rows.
 
-    **Arguments:** as for `SphericalJoint`, and `orientation`: (4,) Euler parameters, scalar first,
-    that transform components in the second body's frame to the first body's frame; parallel frames
-    by default.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame; parallel frames by default.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -187,8 +205,12 @@ class InlineJoint(AbstractPairJoint):
     If its axis is perpendicular to a planar mechanism, and other joints hold the bodies in the
     plane, it is a pin without redundant constraints.
 
-    **Arguments:** as for `SphericalJoint`, and `axis`: direction of the line through the point on
-    the first body, (3,) in that body's axes, any length.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`: a point of the line, (3,) m in the first body's axes.
+    - `point_second`: the point that stays on the line, (3,) m in the second body's axes.
+    - `axis`: direction of the line, (3,) in the first body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -212,7 +234,11 @@ class InlineJoint(AbstractPairJoint):
 class CylindricalJoint(AbstractAxisJoint):
     """Allows rotation about a common axis and sliding along it; four rows.
 
-    **Arguments:** as for `RevoluteJoint`.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: the axis on each body, (3,) in body axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -237,8 +263,14 @@ class CylindricalJoint(AbstractAxisJoint):
 class PrismaticJoint(AbstractPairJoint):
     """Allows sliding along an axis of the first body without rotation; five rows.
 
-    **Arguments:** as for `FixedJoint`, and `axis`: (3,) in the first body's axes, any length. The
-    point on the second body stays on the line through the point on the first body.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of each body, (3,) m in body axes. The second point
+      stays on the line along the axis through the first.
+    - `axis`: direction of sliding, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame; parallel frames by default.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -262,7 +294,7 @@ class PrismaticJoint(AbstractPairJoint):
         return self._point_on_line(motions, self.axis) | rotations
 
     def motion_subspace(self, parent: str) -> Slider:
-        """Return sliding along the axis."""
+        """Return the subspace of sliding along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
@@ -278,10 +310,14 @@ class PrismaticJoint(AbstractPairJoint):
 class DistanceJoint(AbstractPairJoint):
     """A massless rod between a point of one body and a point of another; one row.
 
-    The multiplier is the force in the rod in N, positive in compression. `MasslessLink` uses the
-    same constraint for a journal that stays in contact with its bearing.
+    The row's Lagrange multiplier is the force in the rod in N, positive in compression.
+    `MasslessLink` uses the same constraint for a journal that stays in contact with its bearing.
 
-    **Arguments:** as for `SphericalJoint`, and `length`: m, of the rod.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the end of the rod on each body, (3,) m in body axes.
+    - `length`: length of the rod, m, positive.
 
     **Raises:** `ValueError` if the length is not positive.
 
@@ -296,7 +332,9 @@ class DistanceJoint(AbstractPairJoint):
     length: Single = quantity("m", shape=(), positive=True, remedy="give the rod's length in m")
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return (d^2 - l^2)/(2 l), m, for the distance d and the length l."""
+        """Return the row "length": (d^2 - l^2)/(2 l), m, for the distance d of the two points and
+        the rod's length l.
+        """
         del t
         apart = self._coincidence(motions).values()
         return {"length": distance_row(apart, self.length, motions)}

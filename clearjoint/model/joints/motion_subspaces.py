@@ -63,7 +63,8 @@ REST = Twist(ZERO, ZERO)
 class Relative:
     """Pose and twist of a child relative to its parent.
 
-    - `orientation`: transforms components in the child's axes to the parent's.
+    - `orientation`: Euler parameters that transform components in the child's axes to the
+      parent's.
     - `displacement`: from the parent's point to the child's, m in the child's axes; its rate in
       these axes is ``twist.linear``.
     - `twist`: spin, rad/s, and velocity, m/s, in the child's axes.
@@ -94,9 +95,11 @@ class JointState(eqx.Module):
 
 
 class AbstractMotionSubspace(eqx.Module):
-    """The relative motion that a joint allows.
+    """The relative motion that a joint allows, described by joint coordinates.
 
-    `point_parent` and `point_child` are the joint's points, m in each body's axes.
+    The coordinates consist of a `position`, whose kind depends on the joint, and of one speed for
+    each degree of freedom. `columns` maps the speeds to the relative motion. `point_parent` and
+    `point_child` are the joint's points, m in each body's axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
@@ -115,7 +118,7 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def orientation(self, position: PyTree) -> EulerParameters:
-        """Return Euler parameters that transform the child's components to the parent's.
+        """Return Euler parameters that transform components in the child's axes to the parent's.
 
         Their norm need not be 1.
         """
@@ -126,7 +129,7 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def rates(self, state: JointState) -> PyTree:
-        """Return the time derivative of the position."""
+        """Return the time derivative of the position, with the same structure as the position."""
 
     @abc.abstractmethod
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
@@ -144,7 +147,7 @@ class AbstractMotionSubspace(eqx.Module):
         return position
 
     def rotation(self, position: PyTree) -> Matrix:
-        """Return the matrix that transforms the child's components to the parent's."""
+        """Return the matrix that transforms components in the child's axes to the parent's."""
         return rotation_matrix(self.orientation(position))
 
     def displacement(self, position: PyTree) -> Vector:
@@ -168,14 +171,18 @@ class AbstractMotionSubspace(eqx.Module):
 
 
 class Weld(AbstractMotionSubspace):
-    """No relative motion. `reference` transforms the child's components to the parent's."""
+    """No relative motion.
+
+    `reference` holds the Euler parameters that transform components in the child's axes to the
+    parent's.
+    """
 
     point_parent: Vector
     point_child: Vector
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Return a state without position and speeds."""
+        """Return an empty position and no speeds."""
         del relative
         return JointState((), ())
 
@@ -190,7 +197,7 @@ class Weld(AbstractMotionSubspace):
         return ()
 
     def rates(self, state: JointState) -> PyTree:
-        """Return the rate of an empty position."""
+        """Return an empty tuple, the rate of the empty position."""
         return state.position
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
@@ -202,7 +209,8 @@ class Weld(AbstractMotionSubspace):
 class Hinge(AbstractMotionSubspace):
     """Rotation by an angle (rad) about `axis`, a unit vector in the child's axes.
 
-    `reference` transforms the child's components to the parent's at angle zero; see `aligning`.
+    `reference` holds the Euler parameters that transform components in the child's axes to the
+    parent's at angle zero. `aligning` computes them from the axis in both bodies.
     """
 
     point_parent: Vector
@@ -266,13 +274,17 @@ class Hinge(AbstractMotionSubspace):
 
 
 class Ball(AbstractMotionSubspace):
-    """Free rotation: relative Euler parameters, and relative spin in the child's axes."""
+    """Free rotation of the child about the joint's point.
+
+    The position consists of the Euler parameters that transform components in the child's axes to
+    the parent's. The three speeds are the relative spin in the child's axes, rad/s.
+    """
 
     point_parent: Vector
     point_child: Vector
 
     def encode(self, relative: Relative) -> JointState:
-        """Return relative orientation, and relative spin in the child's axes, rad/s."""
+        """Return the relative Euler parameters and the relative spin, rad/s in the child's axes."""
         spin = relative.twist.angular
         return JointState(relative.orientation, (spin.x, spin.y, spin.z))
 
@@ -303,7 +315,8 @@ class Ball(AbstractMotionSubspace):
 class Slider(AbstractMotionSubspace):
     """Translation by a distance (m) along `axis`, a unit vector in the child's axes.
 
-    `reference` transforms the child's components to the parent's.
+    `reference` holds the Euler parameters that transform components in the child's axes to the
+    parent's.
     """
 
     point_parent: Vector
@@ -322,7 +335,7 @@ class Slider(AbstractMotionSubspace):
         return self.reference
 
     def displacement(self, position: Scalar) -> Vector:
-        """Return the distance along the axis as a vector in m."""
+        """Return the vector from the parent's point to the child's, m in the child's axes."""
         return self.axis * position
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
@@ -340,19 +353,19 @@ class Slider(AbstractMotionSubspace):
 
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of a rotation from the second direction to the
-    first.
+    """Return Euler parameters of a rotation that turns the second unit vector into the first.
 
-    Equal directions give exactly the identity.
+    Their norm need not be 1. For equal vectors they are exactly proportional to (1, 0, 0, 0). The
+    rotation exists for opposite vectors too, unlike the shortest rotation.
     """
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """Return the shortest rotation from the zeta axis to a unit vector.
+    """Return Euler parameters, not normalised, of a rotation from the z axis to a unit vector.
 
-    For a vector with a negative zeta component it is preceded by half a revolution about xi,
-    because the shortest rotation is singular for the opposite direction.
+    It is the shortest rotation. For a vector with a negative z component, half a revolution about x
+    precedes it, because the shortest rotation is singular for the direction -z.
     """
     if isinstance(axis.z, int | float):
         return _forwards(axis) if axis.z >= 0.0 else _backwards(axis)

@@ -10,7 +10,10 @@ from .base import AbstractElement, Attachment
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Check that an element connects two different bodies."""
+    """Check that two names of bodies are strings and differ.
+
+    **Raises:** `ValueError` that names the argument `first` or `second`.
+    """
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")
@@ -39,7 +42,7 @@ class AbstractPairAtPoints(AbstractPair):
     point_second: Triple = quantity("m", check=require_point)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's point on each body."""
+        """Return the element's point on the first and on the second body."""
         return (
             ("point_first", self.first, self.point_first),
             ("point_second", self.second, self.point_second),
@@ -48,6 +51,10 @@ class AbstractPairAtPoints(AbstractPair):
     def ends(
         self, axis_first: Triple | None = None, axis_second: Triple | None = None
     ) -> tuple[Marker, Marker]:
-        """Return markers of its points, with the optional axis of each body, (3,) in body axes."""
+        """Return markers of the element's points on the first and the second body, for drawing.
+
+        **Arguments:** `axis_first`, `axis_second`: direction of each marker, (3,) in body axes, or
+        ``None``, the default, for a marker without direction.
+        """
         first = Marker(self.first, self.point_first, axis_first)
         return first, Marker(self.second, self.point_second, axis_second)

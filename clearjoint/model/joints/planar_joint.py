@@ -16,16 +16,20 @@ from .motion_subspaces import (
 )
 
 Position = tuple[Scalar, Scalar, Scalar]
-"""Two distances, m, and an angle, rad."""
+"""Coordinates of a planar joint: distances along the two transverse axes of the parent's normal, m,
+and the angle about the normal, rad."""
 
 
 class PlanarMotion(AbstractMotionSubspace):
     """Translation by two distances (m) in a plane of the parent, and rotation by an angle (rad).
 
-    `normal_parent` and `normal_child` are unit vectors, each in the axes of its body; `reference`
-    transforms the child's components to the parent's at angle zero. The distances are along the
-    parent's axes: along the child's axes the columns would be constant, but the distances would
-    oscillate as the child rotates.
+    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `normal_parent`, `normal_child`: the plane's normal, a unit vector in each body's axes.
+    - `reference`: Euler parameters that transform the child's components to the parent's at angle
+      zero.
+
+    The distances are along the two transverse axes of `normal_parent`. Along the child's axes the
+    columns would be constant, but the distances would oscillate as the child rotates.
     """
 
     point_parent: Vector
@@ -35,7 +39,7 @@ class PlanarMotion(AbstractMotionSubspace):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the two distances, the angle within (-2 pi, 2 pi], and their rates."""
+        """Return the two distances, m, the angle, rad within (-2 pi, 2 pi], and their rates."""
         hinge = self._hinge().encode(relative)
         rotation = self.rotation((0.0, 0.0, hinge.position))
         apart, spin = relative.displacement, relative.twist.angular
@@ -48,11 +52,14 @@ class PlanarMotion(AbstractMotionSubspace):
         )
 
     def orientation(self, position: Position) -> EulerParameters:
-        """Return the reference rotated by the angle about the normal."""
+        """Return Euler parameters that transform the child's components to the parent's."""
         return self._hinge().orientation(position[2])
 
     def rotation(self, position: Position) -> Matrix:
-        """Return the hinge's matrix, which is cheaper than the one from Euler parameters."""
+        """Return the matrix that transforms the child's components to the parent's.
+
+        The formula for a rotation about an axis costs less than the one for Euler parameters.
+        """
         return self._hinge().rotation(position[2])
 
     def displacement(self, position: Position) -> Vector:
@@ -60,14 +67,19 @@ class PlanarMotion(AbstractMotionSubspace):
         return self._in_child(position[:2], position)
 
     def columns(self, position: Position) -> tuple[Twist, ...]:
-        """Return translations along two axes of the parent at 1 m/s, and a rotation at 1 rad/s."""
+        """Return translations at 1 m/s along the two transverse axes of the parent's normal, and a
+        rotation at 1 rad/s about the normal; all in the child's axes.
+        """
         directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
         apart = self.displacement(position)
         rotation = Twist(self.normal_child, apart.cross(self.normal_child))
         return (*(Twist(ZERO, direction) for direction in directions), rotation)
 
     def bias(self, state: JointState) -> Twist:
-        """Return the twist rate from the rotation of the parent's axes relative to the child."""
+        """Return the rate of the relative twist at constant speeds, in the child's axes.
+
+        It isn't zero, because the parent's axes rotate as seen from the child.
+        """
         first, second, speed = state.speeds
         spin = self.normal_child * speed
         velocity = self._in_child((first, second), state.position)
@@ -80,19 +92,21 @@ class PlanarMotion(AbstractMotionSubspace):
         return first, second, angular
 
     def after_displacement(self, position: Position, changes: tuple[Scalar, ...]) -> Position:
-        """Return the position plus the changes."""
+        """Return the position plus changes of the distances, m, and of the angle, rad."""
         first, second, angle = map(add, position, changes)
         return first, second, angle
 
     def without_drift(self, position: Position) -> Position:
-        """Return the position with the angle within the range of `encode`."""
+        """Return the position with the angle within (-2 pi, 2 pi]."""
         return position[0], position[1], self._hinge().without_drift(position[2])
 
     def _hinge(self) -> Hinge:
         return Hinge(self.point_parent, self.point_child, self.normal_child, self.reference)
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector of the plane in the child's axes."""
+        """Return a vector in the child's axes from its components along the parent's two transverse
+        axes.
+        """
         first, second = transverse_axes(self.normal_parent)
         vector = first * across[0] + second * across[1]
         return self.rotation(position).transposed_times(vector)
@@ -101,8 +115,11 @@ class PlanarMotion(AbstractMotionSubspace):
 class PlanarJoint(AbstractAxisJoint):
     """Allows sliding in a plane and rotation about its normal, as a plate on a table; three rows.
 
-    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the plane's normal,
-    (3,) in the axes of each body, any length. The plane contains the point of each body.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of the plane on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: the plane's normal on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if a point or axis is invalid.
 
@@ -114,7 +131,9 @@ class PlanarJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the height above the plane, m, and two tilts."""
+        """Return the row "height" of the second point above the first body's plane, m, and the rows
+        "tilt 1" and "tilt 2": cosines that are zero for parallel normals.
+        """
         del t
         names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
         normal = unit(self.axis_first)
@@ -122,11 +141,11 @@ class PlanarJoint(AbstractAxisJoint):
         return {"height": height} | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:
-        """Return sliding in the plane and rotation about its normal."""
+        """Return the subspace of two distances in the plane and an angle about its normal."""
         points = self._ordered(parent, self.point_first, self.point_second)
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return PlanarMotion(*points, in_parent, in_child, aligning(in_parent, in_child))
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a plane."""
+        """Draw the plane through the first body's point."""
         pen.plane(*self.ends(self.axis_first, self.axis_second))

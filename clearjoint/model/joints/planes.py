@@ -1,7 +1,7 @@
 """Ideal joints that hold a point or a line of one body in a plane of another.
 
-They are a pin in a slot and a slider in a guide without clearance, for mechanisms whose other
-joints are planar.
+They model a pin in a slot and a slider in a guide without clearance. Other joints of the mechanism
+have to hold the bodies perpendicular to the plane of motion.
 """
 
 from ...fields.checks import require_axis
@@ -20,8 +20,12 @@ class PointInPlaneJoint(AbstractPairJoint):
 
     It models a pin in a slot without clearance, with walls parallel to the plane.
 
-    **Arguments:** as for `SphericalJoint`; the plane contains the point on the first body and is
-    perpendicular to `normal`, (3,) in that body's axes, any length.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`: a point of the plane, (3,) m in the first body's axes.
+    - `point_second`: the point that stays in the plane, (3,) m in the second body's axes.
+    - `normal`: normal of the plane, (3,) in the first body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -48,8 +52,13 @@ class LineInPlaneJoint(AbstractPairJoint):
 
     It models a slider between two walls without clearance, which slides freely along them.
 
-    **Arguments:** as for `PointInPlaneJoint`; the line contains the point on the second body and is
-    parallel to `axis`, (3,) in that body's axes, any length.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`: a point of the plane, (3,) m in the first body's axes.
+    - `point_second`: a point of the line, (3,) m in the second body's axes.
+    - `normal`: normal of the plane, (3,) in the first body's axes, any length.
+    - `axis`: direction of the line, (3,) in the second body's axes, any length.
 
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motions = {"ground": still, "arm": still}
@@ -72,7 +81,7 @@ class LineInPlaneJoint(AbstractPairJoint):
         return {"height": _height(self, motions), "tilt": tilt}
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a plane."""
+        """Draw the plane through the first body's point."""
         pen.plane(*self.ends(self.normal))
 
 

@@ -12,23 +12,32 @@ from .base import Motions, Row
 
 
 def scaled_row(row: Row, factor: Scalar) -> Row:
-    """Return the row times a constant."""
+    """Return a row multiplied by a constant: its value, Jacobian, bias and time rate."""
     jacobian = {name: _scaled(wrench, factor) for name, wrench in row.jacobian.items()}
     bias, time_rate = multiply(row.bias, factor), multiply(row.time_rate, factor)
     return Row(multiply(row.value, factor), jacobian, bias, time_rate)
 
 
 def sum_of_rows(rows: Iterable[Row]) -> Row:
-    """Return the row whose value is the sum of the values."""
+    """Return the sum of rows: of their values, Jacobians, biases and time rates."""
     return reduce(_sum, rows)
 
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
-    """Return (x^2 + y^2 + ... - length^2)/(2 length), m, for the components of a vector, m, as a
-    row."""
+    """Return the row that keeps a vector's length constant.
+
+    The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
+
+    **Arguments:**
+
+    - `components`: rows whose values x, y, ... are the vector's components, m.
+    - `length`: required length of the vector, m.
+    - `motions`: motion of each body by name.
+    """
     components = list(components)
     names = {name: None for row in components for name in row.jacobian}
-    # Dividing by the length gives a row in m, with a derivative of 1 along the vector.
+    # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
+    # derivative along the vector is 1, so that the multiplier is the force in N.
     value, bias = -0.5 * length, 0.0
     jacobian = dict.fromkeys(names, NO_WRENCH)
     for row in components:
@@ -43,9 +52,14 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return the row minus a function of time in s, which JAX must be able to differentiate twice.
+    """Return a row less a prescribed function of time, so that its value follows the function.
 
-    The prescribed rate becomes the row's `time_rate`, its acceleration part of the bias.
+    **Arguments:**
+
+    - `row`: the constraint row of the quantity to prescribe, such as an angle.
+    - `function`: prescribed value in the row's unit, from the time in s; JAX must be able to
+      differentiate it twice.
+    - `t`: time, s.
     """
 
     def rate(t: Scalar) -> Scalar:

@@ -18,11 +18,15 @@ from .row_combinations import scaled_row, sum_of_rows
 
 
 class ScrewMotion(AbstractMotionSubspace):
-    """Rotation by an angle (rad) about `axis` with an advance of `pitch` (m/rad) per angle along
-    it.
+    """Rotation by an angle about an axis, with a proportional advance along the axis.
 
-    `axis` is a unit vector in the child's axes. `reference` transforms the child's components to
-    the parent's at angle zero; see `shortest_rotation`.
+    The position is the angle, rad; its rate is the only speed.
+
+    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `axis`: unit vector in the child's axes.
+    - `reference`: Euler parameters that transform components in the child's axes to the parent's
+      at angle zero.
+    - `pitch`: advance per angle, m/rad.
     """
 
     point_parent: Vector
@@ -32,26 +36,32 @@ class ScrewMotion(AbstractMotionSubspace):
     pitch: Scalar
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle and its rate; the advance determines the number of revolutions."""
+        """Return the angle, rad, and its rate, rad/s.
+
+        The orientation determines the angle up to full revolutions, and the advance their number.
+        """
         hinge = self._hinge().encode(relative)
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
         error = wrapped(angle_by_advance - hinge.position, 2.0 * math.pi)
         return JointState(angle_by_advance - error, hinge.speeds)
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return the reference rotated by the angle about the axis."""
+        """Return Euler parameters that transform components in the child's axes to the parent's."""
         return self._hinge().orientation(position)
 
     def rotation(self, position: Scalar) -> Matrix:
-        """Return the hinge's matrix, which is cheaper than the one from Euler parameters."""
+        """Return the matrix that transforms components in the child's axes to the parent's.
+
+        The formula for a rotation about an axis costs less than the one for Euler parameters.
+        """
         return self._hinge().rotation(position)
 
     def displacement(self, position: Scalar) -> Vector:
-        """Return the advance along the axis, m."""
+        """Return the vector from the parent's point to the child's, m in the child's axes."""
         return self.axis * (self.pitch * position)
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """Return a rotation at 1 rad/s with its advance."""
+        """Return a rotation about the axis at 1 rad/s with its advance, in the child's axes."""
         del position
         return (Twist(self.axis, self.axis * self.pitch),)
 
@@ -68,16 +78,16 @@ class ScrewMotion(AbstractMotionSubspace):
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of the shortest rotation from second to first.
+    """Return Euler parameters of the shortest rotation that turns the second unit vector into the
+    first.
 
-    The two directions must not be opposite.
+    Their norm need not be 1. The vectors must not be opposite.
     """
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
 
 def _require_lead(argument: str, value: ArrayLike) -> None:
-    """Check that a lead is one number other than zero."""
     require_shape(argument, value, (), "pass a single number in m")
     if (known := checkable(value)) is not None:
         (number,) = known
@@ -90,13 +100,19 @@ class ScrewJoint(AbstractAxisJoint):
 
     $$a = \frac{g}{1 + \frac{J}{m} \left(\frac{2 \pi}{l}\right)^2}$$
 
-    The equation is the acceleration of a nut of mass m and moment of inertia J that descends on a
-    vertical screw of lead l. The advance is taken modulo the lead, so that the number of
-    revolutions is unlimited: the joint holds the nearest position for an angle.
+    The equation gives the acceleration a of a nut of mass m and moment of inertia J that descends
+    under gravity g on a vertical screw of lead l. The advance is taken modulo the lead, so that the
+    number of revolutions is unlimited: of all positions for an angle, the joint holds the nearest.
 
-    **Arguments:** as for `RevoluteJoint`, and `lead`: the second body's advance per revolution, m,
-    positive for a right-handed thread and negative for a left-handed one. The points coincide at
-    angle zero, where the frames differ by the shortest rotation between the axes' components.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes. The two
+      points coincide at angle zero.
+    - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in body axes, any
+      length. At angle zero, the frames differ by the shortest rotation that makes them parallel.
+    - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
+      negative for a left-handed one.
 
     **Raises:** `ValueError` if the lead is zero, or a point or axis is invalid.
 
@@ -111,7 +127,9 @@ class ScrewJoint(AbstractAxisJoint):
     lead: Single = quantity("m", check=_require_lead)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, two tilts, and the thread's error, m."""
+        """Return five rows: "offset 1" and "offset 2", translations across the axis, m; "tilt 1"
+        and "tilt 2", scalar products of unit vectors; and "thread", the error of the advance, m.
+        """
         del t
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
@@ -125,7 +143,7 @@ class ScrewJoint(AbstractAxisJoint):
         return replace(row, value=wrapped(row.value, self.lead))
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
-        """Return rotation about the axis with its advance."""
+        """Return the subspace of rotation about the axis with its advance."""
         points = self._ordered(parent, self.point_first, self.point_second)
         first, second = unit(self.axis_first), unit(self.axis_second)
         # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.

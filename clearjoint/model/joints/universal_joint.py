@@ -19,13 +19,16 @@ from .motion_subspaces import (
 )
 
 Angles = tuple[Scalar, Scalar]
-"""Angles of the cross about the parent's arm, and of the child about its own arm, rad."""
+"""Angle of the cross about the parent's arm, and of the child about its own arm, rad."""
 
 
 class UniversalMotion(AbstractMotionSubspace):
     """Rotation by two angles (rad), about an arm of the parent and about an arm of the child.
 
-    `arm_parent` and `arm_child` are unit vectors, each in the axes of its body.
+    The position consists of the two angles; the speeds are their rates, rad/s.
+
+    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `arm_parent`, `arm_child`: arms of the cross, unit vectors in each body's axes.
     """
 
     point_parent: Vector
@@ -34,7 +37,9 @@ class UniversalMotion(AbstractMotionSubspace):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the transformation from the child's components to the parent's at zero angles."""
+        """Return Euler parameters that transform components in the child's axes to the parent's if
+        both angles are zero.
+        """
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
@@ -45,14 +50,18 @@ class UniversalMotion(AbstractMotionSubspace):
         return EulerParameters(cosine(0.5 * angle), vector.x, vector.y, vector.z)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
-        """Return the parent's arm in the child's axes, and its derivative by the child's angle."""
+        """Return the parent's arm, a unit vector in the child's axes, and its derivative by the
+        second angle, 1/rad.
+
+        `angle` is the second angle, rad, about the child's arm.
+        """
         start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
         quarter = self.arm_child.cross(start)
         c, s = cosine(angle), sine(angle)
         return start * c - quarter * s, -(start * s + quarter * c)
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angles and their rates.
+        """Return the angles, rad, and their rates, rad/s.
 
         The first angle is within (-pi, pi], the second within (-2 pi, 2 pi].
         """
@@ -67,16 +76,21 @@ class UniversalMotion(AbstractMotionSubspace):
         )
 
     def orientation(self, position: Angles) -> EulerParameters:
-        """Return the rotation about the parent's arm after the rotation about the child's."""
+        """Return Euler parameters that transform components in the child's axes to the parent's."""
         reference = composed(self._about_parent(position[0]), self._reference())
         return self._about_child(reference).orientation(position[1])
 
     def columns(self, position: Angles) -> tuple[Twist, ...]:
-        """Return rotations about the two arms at 1 rad/s."""
+        """Return rotations at 1 rad/s about the parent's arm and about the child's, in the child's
+        axes.
+        """
         return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
 
     def bias(self, state: JointState) -> Twist:
-        """Return the twist rate from the rotation of the parent's arm in the child's axes."""
+        """Return the rate of the relative twist at constant speeds, in the child's axes.
+
+        It isn't zero, because the parent's arm rotates as seen from the child.
+        """
         _, change = self._parents_arm(state.position[1])
         return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
 
@@ -91,7 +105,7 @@ class UniversalMotion(AbstractMotionSubspace):
         return first, second
 
     def without_drift(self, position: Angles) -> Angles:
-        """Return the angles within two revolutions."""
+        """Return the angles within (-2 pi, 2 pi]."""
         return within_two_turns(position[0]), within_two_turns(position[1])
 
 
@@ -100,13 +114,16 @@ class UniversalJoint(AbstractPairJoint):
 
     $$\frac{\omega_2}{\omega_1} = \frac{\cos \beta}{1 - \sin^2 \beta \cos^2 \theta}$$
 
-    The axes are the arms of a massless cross. Between two shafts at the angle b, the ratio of the
-    second shaft's speed to the first's is cos b / (1 - sin^2 b cos^2 th). Here th is the first
-    shaft's angle, zero where its arm lies in the plane of the shafts (C. E. Wilson, J. P. Sadler,
-    Kinematics and Dynamics of Machinery, 1993).
+    The axes are the arms of a massless cross. The equation is the ratio of the speeds omega of two
+    shafts that enclose the angle beta. Here theta is the first shaft's angle of rotation, zero
+    where its arm lies in the plane of the shafts (C. E. Wilson, J. P. Sadler, Kinematics and
+    Dynamics of Machinery, 1993).
 
-    **Arguments:** as for `SphericalJoint`, and `axis_first`, `axis_second`: the arms of the cross,
-    each (3,) in the axes of its body, any length.
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: centre of the cross on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: arm of the cross on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if a point or axis is invalid.
 
@@ -121,13 +138,15 @@ class UniversalJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and the cosine of the angle between the arms."""
+        """Return four rows: "translation x", "translation y" and "translation z", global components
+        of the vector between the points, m, and "cross", the cosine of the angle between the arms.
+        """
         del t
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
 
     def motion_subspace(self, parent: str) -> UniversalMotion:
-        """Return rotation about the two arms of the cross."""
+        """Return the subspace of rotation about the two arms of the cross."""
         points = self._ordered(parent, self.point_first, self.point_second)
         arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return UniversalMotion(*points, *arms)

@@ -1,1 +1,1 @@
-"""Mechanisms from the literature, each with its initial state."""
+"""Functions that return mechanisms from the literature, each with its initial state."""

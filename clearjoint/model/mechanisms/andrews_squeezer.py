@@ -16,8 +16,15 @@ Point = tuple[float, float]
 
 
 class _Link(NamedTuple):
-    """A body hinged to its parent: mass, kg, moment of inertia about the centre of mass, kg m^2,
-    absolute angle, rad, and the hinge's position on both bodies, m in their axes."""
+    """A body that is hinged to a parent body, in the plane of motion.
+
+    - `mass`: kg.
+    - `inertia`: moment of inertia about Z through the centre of mass, kg m^2.
+    - `angle`: initial rotation about Z relative to the ground, rad.
+    - `parent`: name of the parent body.
+    - `hinge_of_parent`, `hinge`: position of the hinge on the parent and on this body, (2,) m from
+      each body's centre of mass in its axes.
+    """
 
     mass: float
     inertia: float
@@ -46,18 +53,18 @@ LINKS = {
         0.00706, 5.667e-7, OMEGA + EPSILON, "K7", (0.00449, 0.01228 - 0.04), (0.01421 - 0.02, 0.0)
     ),
 }
-"""Bodies in an order in which each follows its parent."""
+"""Bodies by name, in an order in which each follows its parent."""
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
-"""The common point of four bodies, m in the axes of each."""
+"""The point P at which K2, K3, K4 and K6 meet, (2,) m in the axes of each body."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
-"""End of the spring on K3, m."""
+"""End of the spring on K3, (2,) m in the axes of K3."""
 TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 """Motor torque, N m, spring stiffness, N/m, and free length, m."""
 
 
 def andrews_squeezer() -> tuple[Scene, State]:
-    """Andrews' squeezing mechanism, the IFToMM benchmark A03: seven planar bodies and a spring.
+    """Return Andrews' squeezing mechanism, the IFToMM benchmark A03: seven planar bodies, a spring.
 
     A motor drives the crank K1 in the origin with a constant torque, from rest. A rod K2 connects
     the crank to the point P, where three chains meet: K3 from the pivot B, loaded by a spring, and
@@ -96,6 +103,6 @@ def andrews_squeezer() -> tuple[Scene, State]:
 
 
 def _turned(point: Point, angle: float) -> np.ndarray:
-    """Return a vector of a body, in its axes, in the axes of the plane."""
+    """Return global components, (2,), of a vector given in the axes of a body at an angle, rad."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, -sine], [sine, cosine]]) @ point

@@ -19,18 +19,23 @@ Motor = AbstractConstraint | AbstractForce
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
-    """Return the paper's contact law for steel with a requested restitution."""
+    """Return the law of Lankarani and Nikravesh for the paper's steel.
+
+    `restitution` is the requested restitution, 0 to 1.
+    """
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 
 
 def turned_about_z(angle: float) -> tuple[float, float, float, float]:
-    """Return Euler parameters of a rotation about Z by an angle, rad."""
+    """Return Euler parameters, (4,), scalar first, of a rotation about Z by an angle, rad."""
     return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
-    """Return the joints and the forces of a mechanism with the element "motor" added to one of
-    them."""
+    """Return the joints and the forces of a mechanism with the element "motor", each by name.
+
+    A motor that is a force becomes the only force; a driver is added to the joints.
+    """
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
     return {**joints, "motor": motor}, {}

@@ -22,7 +22,7 @@ def double_pendulum(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
-    """The paper's double pendulum (section 6, Tables 1 and 2) and its state at rest.
+    """Return the paper's double pendulum (section 6, Tables 1 and 2) and its state at rest.
 
     A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
     about X connects arm 3 to arm 2. X is the only axis that reproduces the paper's statements.
@@ -34,7 +34,8 @@ def double_pendulum(
     - `restitution`: requested of the default law, Lankarani-Nikravesh.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`, `axial`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
+    - `axial`: an `AbstractAxialPolicy`; `FreeAxially()` by default.
 
     **Returns:** the scene and the initial state.
 

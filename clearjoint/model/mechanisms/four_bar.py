@@ -48,7 +48,7 @@ def four_bar(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
-    """A planar four-bar linkage with clearance at any of its pins, and its initial state.
+    """Return a planar four-bar linkage with clearance at any of its pins, and its initial state.
 
     A "crank" rotates about Z in the origin, a "rocker" about Z on the X axis, and a "coupler" joins
     their ends. The rods are slender; their moments about their own axes are 1e-5 kg m^2 and don't
@@ -74,7 +74,7 @@ def four_bar(
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2.
 
     **Returns:** the scene and the initial state.
@@ -114,7 +114,7 @@ def _rod(mass: float, length: float) -> Body:
 
 
 def _ends(pin: str, lengths: tuple[float, ...]) -> tuple[TripleLike, TripleLike]:
-    """Return the positions of a pin on its two bodies, m."""
+    """Return the position of a pin on each of its two bodies, (3,) m in body axes."""
     crank, coupler, rocker, feet = lengths
     on_first, on_second = {
         "crank foot": (0.0, -0.5 * crank),
@@ -153,7 +153,12 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
-    """Return the upper intersection of circles about `tip` and `foot` with the rods' lengths."""
+    """Return the pin of coupler and rocker: the upper intersection of two circles, (2,) m.
+
+    **Arguments:** `tip`, `foot`: centres of the circles, (2,) m. `coupler`, `rocker`: radii, m.
+
+    **Raises:** `ValueError` if the circles don't intersect.
+    """
     across = foot - tip
     distance = float(np.linalg.norm(across))
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance)
@@ -170,6 +175,10 @@ def _perpendicular(vector: np.ndarray) -> np.ndarray:
 
 
 def _moving(along: np.ndarray, centre: np.ndarray, speed: float, velocity: np.ndarray) -> BodyState:
-    """Return the state of a rod along a vector of the plane."""
+    """Return the state of a rod in the plane.
+
+    **Arguments:** `along`: vector along the rod, (2,). `centre`: of mass, (2,) m. `speed`: angular
+    velocity about Z, rad/s. `velocity`: of the centre of mass, (2,) m/s.
+    """
     orientation = turned_about_z(math.atan2(along[1], along[0]))
     return body_state((*centre, 0.0), orientation, (*velocity, 0.0), (0.0, 0.0, speed))

@@ -29,7 +29,7 @@ def gear_pair(
     speeds: tuple[float, float] = (10.0, 0.0),
     law: AbstractContactLaw | None = None,
 ) -> tuple[Scene, State]:
-    """Two spur gears with backlash on ideal bearings, and their initial state.
+    """Return two spur gears with backlash on ideal bearings, and their initial state.
 
     The "pinion" rotates about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0) for the module
     m; the pressure angle is 20 degrees. Both are solid steel discs, 7850 kg/m^3, with the diameter
@@ -44,10 +44,10 @@ def gear_pair(
     **Arguments:**
 
     - `backlash`: along the pitch circle, m.
-    - `restitution`: of the default law.
-    - `teeth`: of both gears.
+    - `restitution`: of the default law, 0 to 1.
+    - `teeth`: numbers of teeth of the pinion and the wheel.
     - `module`: m.
-    - `speeds`: of both gears, rad/s.
+    - `speeds`: of the pinion and the wheel about Z at the start, rad/s.
     - `law`: replaces the default law.
 
     **Returns:** the scene and the initial state, in the middle of the play.

@@ -35,7 +35,7 @@ def guided_slider_crank(
     pin_law: AbstractContactLaw | None = None,
     speed: Scalar = 150.0,
 ) -> tuple[Scene, State]:
-    """A slider-crank whose slider has clearance in its guide, and its initial state.
+    """Return a slider-crank whose slider has clearance in its guide, and its initial state.
 
     A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about Z in the origin. A rod of 306
     mm, 0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
@@ -97,7 +97,7 @@ def guided_slider_crank(
 def _pin(
     clearance: Scalar | None, law: AbstractContactLaw | None
 ) -> RevoluteJoint | ClearanceJoint:
-    """Return the joint between rod and slider."""
+    """Return the joint between rod and slider; an ideal one if the clearance, m, is ``None``."""
     end = (0.5 * ROD, 0.0, 0.0)
     if clearance is None:
         return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)

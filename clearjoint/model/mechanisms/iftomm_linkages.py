@@ -11,7 +11,7 @@ from ..scene import Scene
 
 
 def bricard() -> tuple[Scene, State]:
-    """Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m and 1 kg in a closed chain.
+    """Return Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m, 1 kg in a loop.
 
     Six revolute joints, each perpendicular to the next, impose 30 constraints on 30 velocities. One
     constraint is redundant, which leaves one degree of freedom. The mechanism starts at rest;
@@ -30,6 +30,7 @@ def bricard() -> tuple[Scene, State]:
     names = [GROUND, *(f"rod {k}" for k in range(1, 6)), GROUND]
     centres: dict[str, np.ndarray] = {GROUND: np.zeros(3)}
     bodies, states, joints = {}, {}, {}
+    # All body frames are parallel to the global frame, so that each rod's axis is a global axis.
     for k in range(5):
         direction = corners[k + 1] - corners[k]
         name, centre = names[k + 1], 0.5 * (corners[k] + corners[k + 1])
@@ -44,7 +45,7 @@ def bricard() -> tuple[Scene, State]:
 
 
 def double_four_bar() -> tuple[Scene, State]:
-    """Two four-bar linkages in a row, the IFToMM benchmark A02: five rods of 1 m and 1 kg.
+    """Return two four-bar linkages in a row, the IFToMM benchmark A02: five rods of 1 m, 1 kg.
 
     Rods 1, 3 and 5 are hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2
     along -Y, and the tips start at 1 m/s along +X. In this planar mechanism of seven spatial

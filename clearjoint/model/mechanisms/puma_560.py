@@ -112,7 +112,10 @@ def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]
 
 @dataclass(frozen=True)
 class Lump:
-    """Mass, kg, centre of mass, (3,) m, and inertia about it, (3, 3) kg m^2, in one frame."""
+    """Mass, kg, centre of mass, (3,) m, and inertia about the centre of mass, (3, 3) kg m^2.
+
+    All components are in the frame of one link.
+    """
 
     mass: float
     centre: Components

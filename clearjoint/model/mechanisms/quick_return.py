@@ -35,7 +35,7 @@ def quick_return(
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | AbstractBristleFriction | None = None,
 ) -> tuple[Scene, State]:
-    """A quick-return mechanism, as used in a shaper, and its initial state.
+    """Return a quick-return mechanism, as used in a shaper, and its initial state.
 
     A crank with its pin 50 mm from its axis, the origin, rotates about Z at constant speed. The
     pin, of 5 mm radius, slides in the slot of a lever of 250 mm, whose axis is 100 mm below the
@@ -98,7 +98,10 @@ def _line_law() -> HuntCrossley:
 
 
 def _start(speed: Scalar, angle: float) -> State:
-    """Return the ideal mechanism's state; angles are counter-clockwise from the vertical."""
+    """Return the ideal mechanism's state for a speed, rad/s, and an angle, rad, of the crank.
+
+    Angles are counter-clockwise from the vertical.
+    """
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)

@@ -38,7 +38,7 @@ def robot_arm(
     speeds: tuple[float, float, float] = (0.0, 0.0, 0.0),
     law: AbstractContactLaw | None = None,
 ) -> tuple[Scene, State]:
-    """Waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
+    """Return waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
 
     The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994): upper arm
     and forearm are 0.4318 m long and have 17.4 kg and, with the wrist, 6.05 kg. The wrist is fixed
@@ -93,7 +93,7 @@ def _motor(
 
 
 def _hinge(k: int) -> RevoluteJoint:
-    """Return the hinge between a link and its parent."""
+    """Return the hinge between link k, counted from 0, and its parent."""
     on_link = ARM[k].joint() - LUMPS[k].centre
     return RevoluteJoint(PARENTS[k], LINKS[k], _foot(k), on_link, Z_AXIS, ARM[k].axis())
 
@@ -103,5 +103,5 @@ def _flange_bearing(k: int) -> RevoluteJoint:
 
 
 def _foot(k: int) -> Components:
-    """Return the hinge's position on the parent link, m in its body axes."""
+    """Return the position of hinge k, counted from 0, on the parent, (3,) m in body axes."""
     return np.zeros(3) if k == 0 else -LUMPS[k - 1].centre

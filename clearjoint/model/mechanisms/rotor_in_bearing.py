@@ -34,7 +34,7 @@ def rotor_in_bearing(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
-    """A rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
+    """Return a rigid rotor in one bearing, driven at constant speed about Z, and its state.
 
     The rotor is a steel disc of 20 kg with a radius of 100 mm, 0.061 kg m^2 about a diameter and
     0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's

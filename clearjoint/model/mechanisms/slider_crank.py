@@ -42,7 +42,7 @@ def slider_crank(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
-    """The slider-crank of the clearance literature and its initial state.
+    """Return the slider-crank of the clearance literature and its initial state.
 
     A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about Z in the origin. A rod of 120 mm, 0.21
     kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
@@ -64,7 +64,7 @@ def slider_crank(
       (0, 0, 1). By default it is a `PrescribedRotation` at constant speed.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
-    - `friction`: as for `ClearanceJoint`.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2; none by default.
 
     **Returns:** the scene and the initial state.

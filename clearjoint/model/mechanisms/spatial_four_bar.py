@@ -26,7 +26,7 @@ def spatial_four_bar(
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | AbstractBristleFriction | None = None,
 ) -> tuple[Scene, State]:
-    """A spatial four-bar (RSSR) with clearance between coupler and rocker, and its initial state.
+    """Return a spatial four-bar (RSSR) with clearance between coupler and rocker, and its state.
 
     A crank of 20 mm and 0.1960 kg rotates about X in the origin, a rocker of 74 mm and 0.3157 kg
     about Z in (122, -54, 0) mm. A coupler of 122 mm and 1.4158 kg connects their ends by ball
@@ -90,7 +90,7 @@ def spatial_four_bar(
 
 
 def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
-    """Return a round bar along an axis."""
+    """Return a round bar from its mass, kg, and length, m, along one of the body's axes."""
     along = 0.5 * mass * BAR_RADIUS**2
     across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
     return Body(mass, np.where(np.array(axis) == 1.0, along, across))
