@@ -121,9 +121,12 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Draw the correlations of the estimates as a matrix of coloured numbers.
+    """Draw the correlation coefficients of the estimated parameters as a matrix of coloured
+    numbers.
 
-    **Returns:** the axes.
+    **Arguments:** `fit`: from `cj.identify`; `axes`: axes to draw on, new ones by default.
+
+    **Returns:** the axes. Rows and columns are the p parameters; numbers are between -1 and 1.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -187,12 +190,13 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw how far small changes of parameters and of the initial velocity displace the bodies.
 
-    Displacements are drawn over time, per unit of each parameter's coordinate and per m/s of
-    initial velocity. Vertical lines are the times beyond which a fit by a single run fails.
+    Each parameter has a line over time: the displacement per unit of the parameter's coordinate in
+    its scale (for the scale `Log`, per relative change). A further line is the displacement per m/s
+    of initial velocity. Vertical lines mark the times beyond which a fit by a single run fails.
 
-    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
+    **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, displacements in m, logarithmic.
+    **Returns:** the axes; time in ms, displacements in m on a logarithmic scale.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(
