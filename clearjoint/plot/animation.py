@@ -44,7 +44,8 @@ def journal_frames(
     - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
     - `instants`: (M,) times, s. Each picture shows the observed time that is nearest to its
       instant.
-    - `section`: directions that are drawn to the right and upwards, see `plot.eccentricity_vectors`.
+    - `section`: directions that are drawn to the right and upwards, see
+      `plot.eccentricity_vectors`.
     - `columns`: number of instants in a row; further instants continue in a new pair of rows.
     - `figure`: empty figure to draw into; a new one by default.
 
@@ -101,7 +102,8 @@ def animate_journal(
     - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
     - `file`: path of the file to write, with the suffix ".gif".
     - `instants`: (M,) times, s, one for each frame, which shows the nearest observed time.
-    - `section`: directions that are drawn to the right and upwards, see `plot.eccentricity_vectors`.
+    - `section`: directions that are drawn to the right and upwards, see
+      `plot.eccentricity_vectors`.
     - `frames_per_second`: speed of the animation.
 
     >>> scene, state = cj.mechanisms.double_pendulum()

@@ -183,7 +183,8 @@ DECADES = 8.0
 FEWEST = 4
 """Smallest number of samples for a spectrum."""
 UNEVEN = 1e-6
-"""Intervals between samples count as equal if they differ by at most this fraction of their mean."""
+"""Intervals between samples count as equal if none differs by more than this fraction of their
+mean."""
 NO_UNIT = "1"
 
 
@@ -240,7 +241,7 @@ def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.nda
 
 
 def is_even(intervals: np.ndarray) -> bool:
-    """Return whether the intervals (N - 1,), s, between N samples are equal, and N is at least 4."""
+    """Return whether N samples with the intervals (N - 1,), s, are equally spaced, with N >= 4."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
