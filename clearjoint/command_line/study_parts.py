@@ -116,7 +116,7 @@ class ColumnPart:
 
     - `quantity`: the measured quantity.
     - `noise`: one standard deviation: a number in the column's unit, or a text with another unit.
-    - `unit`: unit of the column; by default the unit in the header, or that of the quantity.
+    - `unit`: unit of the column, if its header does not give the unit.
     """
 
     quantity: AbstractQuantity
