@@ -111,7 +111,7 @@ class Folder:
             save(scene, state, self / name)
 
     def write_table(self, name: str, table: "xr.Dataset", csv: bool = True) -> None:
-        """Write a data set to the netCDF file `name`.nc, and, if `csv`, to the CSV file `name`.csv."""
+        """Write a data set to the netCDF file `name`.nc, and with `csv` also to `name`.csv."""
         from ..export.tabular import to_frame
 
         write_netcdf(table, self / f"{name}.nc")
@@ -119,7 +119,7 @@ class Folder:
             to_frame(table).to_csv(self / f"{name}.csv")
 
     def table(self, name: str) -> "xr.Dataset | None":
-        """Read the data set of the netCDF file `name`.nc; return ``None`` if there is no such file."""
+        """Read the data set in the netCDF file `name`.nc; return ``None`` without such a file."""
         import xarray as xr
 
         path = self / f"{name}.nc"

@@ -188,8 +188,8 @@ class BoundFunction:
 
     - `results`: conversion between results and rows of cells.
 
-    **Arguments:** `function`: the native function; `shared`: its first argument; `examples`: PyTrees
-    that have the structure, shapes and dtypes of all further arguments.
+    **Arguments:** `function`: the native function; `shared`: its first argument; `examples`:
+    PyTrees that have the structure, shapes and dtypes of all further arguments.
     """
 
     def __init__(self, function: "NativeFunction", shared: PyTree, *examples: PyTree):
