@@ -27,14 +27,22 @@ WORST = 3
 
 @dataclass(frozen=True)
 class Checked:
-    """Lines to print, and the reason if the scene can't run."""
+    """Result of `clearjoint check`.
+
+    - `lines`: lines to print.
+    - `refusal`: why the scene can't run, with a remedy; None if it can.
+    """
 
     lines: list[str]
     refusal: str | None
 
 
 def checked(study: Study) -> Checked:
-    """Check a study's scene, its initial state, and its sections."""
+    """Describe a study's scene, and check its initial state and its sections [run], [sweep] and
+    [fit].
+
+    **Raises:** `ValueError` for a section that names unknown elements or paths.
+    """
     scene, state = study.scene, study.state
     report = constraint_report(scene, state, study.parts.run.start)
     lines = [*_elements(scene), *_constraints(scene, report), *_contacts(scene, state)]
@@ -46,7 +54,7 @@ def checked(study: Study) -> Checked:
 
 
 def number_paths(study: Study) -> list[str]:
-    """A line for each number of scene and state: its path, value and unit."""
+    """Return a line for each number of the scene and the state, with its path, value and unit."""
     rows = [(written(n), value, unit) for n, (value, unit) in parameters(study.scene).items()]
     in_state = parameters(study.state)
     rows += [(f"state.{written(n)}", value, unit) for n, (value, unit) in in_state.items()]
@@ -58,7 +66,7 @@ def number_paths(study: Study) -> list[str]:
 
 
 def save_assembled(study: Study, path: FilePath) -> None:
-    """Write the scene with a state that satisfies its joints."""
+    """Write the scene to a file, with a state that is assembled so that it satisfies the joints."""
     save(study.scene, assemble(study.scene, study.state, study.parts.run.start), path)
 
 
@@ -106,7 +114,7 @@ def _distance(depth: float) -> str:
 
 
 def _refusal(study: Study, report: ConstraintReport) -> str | None:
-    """The reason why the scene can't run, with a remedy; ``None`` if it can."""
+    """Return why the scene can't run, with a remedy; ``None`` if it can."""
     scene, state, start = study.scene, study.state, study.parts.run.start
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)) if report.names else []
     if len(sizes) and max(sizes) > ACCEPTED_VIOLATION:
@@ -123,7 +131,8 @@ def _refusal(study: Study, report: ConstraintReport) -> str | None:
 
 
 def _sections(study: Study) -> Iterator[str]:
-    """A line for each section; checks that the scene has the elements that the sections name."""
+    """Yield a line for each section of the study, and check that the scene has the elements and
+    numbers that the section names."""
     run = study.parts.run
     for name, output in run.outputs.items():
         location = study.location.at("run", "outputs", name)

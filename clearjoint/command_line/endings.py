@@ -11,11 +11,15 @@ import click
 from ..fields.cautions import SILENCE
 
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes."""
+"""Exit codes of the program: success, failed computation, wrong input, and Ctrl-C."""
 
 
 class CommandResult(NamedTuple):
-    """Exit code and result, in a line, of a command."""
+    """Result of a command.
+
+    - `code`: exit code.
+    - `line`: result in one line of text.
+    """
 
     code: int
     line: str
@@ -33,7 +37,8 @@ def end(code: int) -> NoReturn:
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Context in which errors become a sentence and an exit code, and warnings a line each."""
+    """Return a context that prints an error as one sentence and ends the program with an exit code,
+    and prints each warning as one line."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:
@@ -56,5 +61,5 @@ def _say_warning(message: Warning | str, *_arguments: object, **_options: object
 
 
 def shows_progress() -> bool:
-    """Whether there is an error stream for a progress bar."""
+    """Return whether the process has an error stream, to which a progress bar can be written."""
     return sys.stderr is not None

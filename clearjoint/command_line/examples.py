@@ -41,13 +41,15 @@ MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] 
         | {"every": "0.02 ms", "after": "12 ms"},
     ),
 }
-"""For each mechanism, the function that makes it and the values in its study."""
+"""By name of the mechanism: the function that returns its scene and state, and the values that
+replace the placeholders in the template of its study."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     """Return the texts of a scene file and a study file for a mechanism.
 
-    **Arguments:** `scene`, `study`: the names of the files.
+    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the files, to which
+    the texts refer.
     """
     make, values = MECHANISMS[mechanism]
     with TemporaryDirectory() as folder:
@@ -60,9 +62,9 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> list[Path]:
-    """Write both files into a folder and return their paths.
+    """Write the scene file and the study file of a mechanism into a folder; return their paths.
 
-    **Raises:** `ValueError` if one exists.
+    **Raises:** `ValueError` if one of the files exists.
     """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     paths = [folder / name for name in names]

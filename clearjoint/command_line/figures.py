@@ -32,7 +32,11 @@ MOST_LINES = 6
 
 
 def draw_run(folder: Folder, scene: Scene, solution: Solution, observed: Observation) -> None:
-    """Draw orbit and forces of each clearance joint, energies, outputs, sections and a report."""
+    """Draw the figures of a run: orbit and forces of each clearance joint, energies, outputs,
+    sections, and the report on one page.
+
+    **Arguments:** `observed`: observation of the saved states.
+    """
     matplotlib.use("agg")
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
@@ -55,7 +59,8 @@ def draw_run(folder: Folder, scene: Scene, solution: Solution, observed: Observa
 
 
 def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
-    """Draw each output over the first axis, as a curve for each value of a second, or as a map."""
+    """Draw the figures of a sweep: each output over the first axis, and, for two axes, one curve
+    for each value of the second axis, or a map; and bifurcation diagrams."""
     matplotlib.use("agg")
     axes = [str(dim) for dim in dataset["result"].dims]
     if axes == ["lane"]:
@@ -74,7 +79,8 @@ def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
 
 
 def draw_fit(folder: Folder, found: Fit) -> None:
-    """Draw the series with their fits, and the correlations of the estimates."""
+    """Draw the figures of a fit: measured series with predictions, and the correlations of the
+    estimated parameters."""
     matplotlib.use("agg")
     _save(folder, "fitted", plot.fitted(found)[0, 0].figure)
     if len(found.parameters) > 1:
@@ -100,7 +106,8 @@ def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[st
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """Mark the largest force of each impact of a joint, which the saved states may miss."""
+    """Mark the peak of each impact of a joint in a figure of forces, since saved states may miss
+    it."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
@@ -114,7 +121,8 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
 
 
 def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
-    """Mark the largest and the smallest value of an output, which the saved states may miss."""
+    """Mark the largest and the smallest value of an output, if known, since saved states may miss
+    them."""
     attributes = outputs[name].attrs
     if "largest" not in attributes:
         return
@@ -125,7 +133,8 @@ def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
 
 
 def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
-    """Draw the crossings as a Poincaré map of the first two channels, or of one over time."""
+    """Draw the crossings of a section: the second channel over the first one, or a single channel
+    over time."""
     channels = list(map(str, crossings.data_vars))[:2]
     channels = ["time", *channels] if len(channels) == 1 else channels
     if crossings.sizes["time"]:

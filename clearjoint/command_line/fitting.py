@@ -27,7 +27,11 @@ FITTED_SCENE = "fitted.toml"
 
 
 def fit(study: Study, out: Path) -> CommandResult:
-    """Fit a study's parameters and write the estimates, the fitted series and a report."""
+    """Fit the parameters of a study's section [fit], and write the estimates, the fitted series, a
+    report and a page to the folder `out`.
+
+    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    """
     part = study.parts.fit
     if part is None:
         study.location.at("fit").refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
@@ -76,7 +80,7 @@ def fit(study: Study, out: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """The measurements, with their noise in SI units."""
+    """Read the measurements from the CSV file; values and noise are converted to SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
@@ -110,7 +114,8 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 def _parameters(
     study: Study, part: FitPart, location: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """The parameters, and their first guesses in the study."""
+    """Return the parameters of the fit by name, and the guesses, in SI units, of those for which
+    the study has one."""
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
         part_location = location.at("parameters", name)

@@ -32,9 +32,9 @@ SCENE, REACHED = "scene.toml", "reached.toml"
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Names of the tables of a run, each in a netCDF and in a CSV file."""
 NUMBERS = "numbers.csv"
-"""Outputs that are one number of the run."""
+"""File of the outputs that are one number of the run."""
 SECTION = "section "
-"""Prefix of the table of a section."""
+"""Prefix of the names of the tables of sections."""
 STORE = "sweep.zarr"
 FIGURES = "figures"
 PAGE = "index.html"
@@ -44,19 +44,22 @@ Summary = Mapping[str, str | int | float]
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder of results."""
+    """A folder with the results of a run, a sweep or a fit; ``folder / name`` is a path in it.
+
+    - `path`: path of the folder.
+    """
 
     path: Path
 
     @staticmethod
     def made(path: Path) -> "Folder":
-        """The folder at a path, which is created if it does not exist."""
+        """Return the folder at a path, which is created if it does not exist."""
         path.mkdir(parents=True, exist_ok=True)
         return Folder(path)
 
     @staticmethod
     def found(path: Path) -> "Folder":
-        """The folder of results at a path.
+        """Return the folder at a path, which must contain results.
 
         **Raises:** `ValueError` for a folder without results.
         """
@@ -72,19 +75,20 @@ class Folder:
 
     @property
     def figures(self) -> Path:
-        """The folder of the figures, which is created if it does not exist."""
+        """Path of the folder of the figures, which is created if it does not exist."""
         folder = self.path / FIGURES
         folder.mkdir(exist_ok=True)
         return folder
 
     def pictures(self) -> list[Path]:
-        """Paths of the figures, sorted by name."""
+        """Return the paths of the figures, sorted by name."""
         return sorted((self.path / FIGURES).glob("*.png"))
 
     def write_summary(self, kind: str, study: "Study", results: Summary, start: float) -> None:
-        """Write the summary, for users and for `clearjoint report`.
+        """Write the file with the summary of the results, for users and for `clearjoint report`.
 
-        **Arguments:** `kind`: "run", "sweep" or "fit"; `start`: `time.perf_counter` at its start.
+        **Arguments:** `kind`: "run", "sweep" or "fit"; `results`: further entries by name; `start`:
+        value of `time.perf_counter` when the command began, s.
         """
         summary = {
             "kind": kind,
@@ -97,16 +101,17 @@ class Folder:
         (self / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
     def summary(self) -> dict[str, str | int | float]:
-        """Read the summary."""
+        """Read the summary: entries by name, among them "kind" and "title"."""
         return json.loads((self / SUMMARY).read_text(encoding="utf-8"))
 
     def write_scene(self, scene: Scene, state: State, name: str = SCENE) -> None:
-        """Write a scene with a state, unless the state can't be saved because of NaN."""
+        """Write a scene and a state to a scene file in the folder; write nothing if they can't be
+        saved, such as a state with NaN."""
         with suppress(ValueError):
             save(scene, state, self / name)
 
     def write_table(self, name: str, table: "xr.Dataset", csv: bool = True) -> None:
-        """Write a dataset as netCDF, and as CSV."""
+        """Write a data set to the netCDF file `name`.nc, and with `csv` also to `name`.csv."""
         from ..export.tabular import to_frame
 
         write_netcdf(table, self / f"{name}.nc")
@@ -114,7 +119,7 @@ class Folder:
             to_frame(table).to_csv(self / f"{name}.csv")
 
     def table(self, name: str) -> "xr.Dataset | None":
-        """Read a dataset; ``None`` if there is none of this name."""
+        """Read the data set in the netCDF file `name`.nc; return ``None`` without such a file."""
         import xarray as xr
 
         path = self / f"{name}.nc"
@@ -125,7 +130,8 @@ class Folder:
 
 
 def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
-    """Read the scene of a run and its solution, as far as it is saved.
+    """Read the scene of a run and its solution from a folder; the solution has no accepted steps,
+    since these are not stored.
 
     **Raises:** `ValueError` for a folder without a run.
     """
@@ -168,7 +174,8 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
 
 
 def _state(scene: Scene, tables: Mapping) -> State:
-    """States from the tables that `state_arrays` made."""
+    """Return the state, with a leading axis of times if the tables have one, from the tables that
+    `state_arrays` has made."""
     bodies = {
         name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies

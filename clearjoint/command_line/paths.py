@@ -1,4 +1,7 @@
-"""Written paths of numbers: "joints.pin.clearance", "state.bodies.arm.velocity.0"."""
+"""Find the numbers that texts such as "joints.pin.clearance" or "state.bodies.arm.velocity.0" name.
+
+Such a text is called a written path. It starts with "state" for numbers of the initial state.
+"""
 
 import re
 from collections.abc import Sequence
@@ -19,7 +22,7 @@ STEP = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
 
 
 def keys_of(text: str, location: FileLocation) -> Keys:
-    """The keys of a written path. Names with dots stand in quotation marks.
+    """Return the keys of a written path; names that contain dots must be in quotation marks.
 
     **Raises:** `ValueError` for a text that is not a path.
     """
@@ -38,7 +41,8 @@ def keys_of(text: str, location: FileLocation) -> Keys:
 
 
 def written(name: str) -> str:
-    """The written path for a name of `parameters`, such as "joints['pin'].clearance"."""
+    """Return the written path, "joints.pin.clearance", of a number that `parameters` calls
+    "joints['pin'].clearance"."""
     parts = re.findall(r"\['([^']*)'\]|\[(\d+)\]|([^.\[\]]+)", name)
     words = [quoted or number or bare for quoted, number, bare in parts]
     return ".".join(f"'{word}'" if "." in word else word for word in words)
@@ -46,26 +50,37 @@ def written(name: str) -> str:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """A function from a scene, or a state, to the values at some paths."""
+    """Function of a scene, or of a state, that returns the numbers at given paths.
+
+    - `paths`: keys that lead to each number.
+    """
 
     paths: tuple[Keys, ...]
 
     def __call__(self, tree: PyTree) -> PyTree:
-        """The value, or the list of values if there are several paths."""
+        """Return the number, or the list of numbers if there are several paths."""
         values = [_at(tree, keys) for keys in self.paths]
         return values[0] if len(values) == 1 else values
 
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A path in a scene or in its state, and the unit of the number there."""
+    """A number that a written path names.
+
+    - `path`: function that returns the number.
+    - `in_state`: whether the number belongs to the state instead of the scene.
+    - `unit`: its SI unit.
+    """
 
     path: WrittenPath
     in_state: bool
     unit: str
 
     def number(self, value: object, location: FileLocation) -> float:
-        """A value from a file as a number in the SI unit of the path."""
+        """Convert a value of a file, a number or a text with a unit, to a number in `unit`.
+
+        **Raises:** `ValueError` for other values.
+        """
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -76,9 +91,11 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find the number at a written path, or the numbers at several, which get the same value.
+    """Find the number at a written path, or the numbers at several paths that shall all have the
+    same value.
 
-    **Raises:** `ValueError` with the first unknown key, and the known ones.
+    **Raises:** `ValueError` that names the first unknown key and the known keys, or for paths that
+    are partly in the scene and partly in the state.
     """
     paths = [keys_of(text, location) for text in ([texts] if isinstance(texts, str) else texts)]
     in_state = {keys[0] == STATE for keys in paths}
@@ -112,7 +129,7 @@ def _require_number(tree: PyTree, keys: Keys, location: FileLocation) -> None:
 
 
 def _entries(node: PyTree) -> list[str | int]:
-    """Keys that can follow a path to a node."""
+    """Return the keys of a node: names of entries or fields, or indices."""
     if isinstance(node, dict):
         return [*node]
     if isinstance(node, list | tuple):

@@ -46,7 +46,8 @@ pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 
 
 def write_report(folder: Folder) -> None:
-    """Draw the figures of a folder of results again and write its page."""
+    """Draw the figures of the results in a folder again, and write the HTML page that shows
+    them."""
     kind = folder.summary()["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -86,8 +87,8 @@ def write_fit_report(folder: Folder, found: Fit) -> None:
 
 
 def write_page(folder: Folder, *parts: str) -> None:
-    """Write the HTML page of a folder: summary, texts, figures, the given parts, and links to the
-    files. The page contains its figures and loads nothing from the network."""
+    """Write the HTML page of a folder: summary, texts, figures, the given HTML `parts`, and links
+    to the files. The page contains its figures and loads nothing from the network."""
     summary = folder.summary()
     title = escape(str(summary.pop("title")))
     rows = [
@@ -115,12 +116,13 @@ def write_page(folder: Folder, *parts: str) -> None:
 
 
 def _without_none(text: str) -> str:
-    """A setting's text without the options of a class that are not set: "Tsit5(scan_kind=None)"."""
+    """Return the text of a setting without options that are None: "Tsit5" for
+    "Tsit5(scan_kind=None)"."""
     return re.sub(r"\((\w+=None(, )?)+\)", "", text)
 
 
 def _picture(path: Path) -> str:
-    """HTML of a figure, which contains the picture, with its name as caption."""
+    """Return the HTML of a figure, with the content of the PNG file, and its name as caption."""
     content = path.read_bytes()  # bytes 16 to 20 of a PNG are its width
     data = base64.b64encode(content).decode("ascii")
     name = escape(path.stem.replace("_", " "))
@@ -130,21 +132,22 @@ def _picture(path: Path) -> str:
 
 
 def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
-    """HTML of the first rows of a data frame with a heading."""
+    """Return the HTML of a heading and of the first `rows` rows of a data frame."""
     shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
     more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
     return f"<h2>{escape(title)}</h2>{shown}{more}"
 
 
 def _hardest_impacts(impacts: Impacts) -> str:
-    """HTML table of the hardest impacts, in the units of the figures."""
+    """Return the HTML table of the impacts with the largest peak forces."""
     rows = impact_rows(impacts, len(impacts))
     frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
     return _table("Hardest impacts", frame, ROWS)
 
 
 def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
-    """Return a row for each lane of a sweep: the values of its axes, and its single numbers."""
+    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
+    that are one number of the lane."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     if dims != ("lane",):

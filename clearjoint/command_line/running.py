@@ -36,13 +36,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FRAMES = 1000
-"""Number of saved intervals of a run by default."""
+"""Default number of equal intervals between the saved states of a run."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
-"""Units of quantities that an impact changes faster than states are saved."""
+"""Units of quantities that change during an impact faster than states are saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Suffixes, after an output's name, of the reductions that find its extremes."""
+"""Suffixes by which the reductions that find an output's extremes are named after the output."""
 MISSED = 0.02
-"""Fraction of an output's range that samples may miss without a note."""
+"""A note is printed if the samples of an output miss an extreme by more than this fraction of the
+output's range."""
 
 
 class Negative(AbstractQuantity):
@@ -60,7 +61,10 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, out: Path, progress: bool) -> CommandResult:
-    """Run a study's scene and write tables, figures and a page."""
+    """Run a study's scene, and write tables, figures and a page to the folder `out`.
+
+    **Returns:** the exit code, and the result in a line.
+    """
     start, part = time.perf_counter(), study.parts.run
     reductions = reductions_of(part, study.settings(part, "run"))
     code, solution = _solution(study, part, reductions, progress)
@@ -84,8 +88,8 @@ def run(study: Study, out: Path, progress: bool) -> CommandResult:
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """The reductions of a run: those among its outputs, and the extremes of outputs that change
-    during impacts faster than states are saved."""
+    """Return the reductions of a run by name: those among its outputs, and two for each output
+    that is a quantity with a unit of `SHARP`, which find its largest and smallest value."""
     chosen: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractReduction):
@@ -133,7 +137,10 @@ def _solution(
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Times at which a run's states are saved, s."""
+    """Return the times (N,), s, at which a run's states are saved.
+
+    **Raises:** `ValueError` for a `save_every` that is not positive or exceeds the duration.
+    """
     every = part.save_every
     if every is None:
         return np.linspace(part.start, end, FRAMES + 1)
@@ -171,7 +178,7 @@ def write_results(
 
 
 def _outputs(study: Study, solution: Solution) -> "xr.Dataset":
-    """The quantities among the outputs at the saved states; attributes are the known extremes."""
+    """Return the outputs that are quantities at the saved states; known extremes are attributes."""
     saved, rows = solution.saved, ("time",)
     assert saved is not None
     variables = {}
@@ -189,7 +196,8 @@ def _outputs(study: Study, solution: Solution) -> "xr.Dataset":
 
 
 def _extremes(name: str, solution: Solution) -> dict[str, float]:
-    """The largest and the smallest value of an output, and their times, s."""
+    """Return the largest and the smallest value of an output and their times, s, under the keys
+    "largest", "largest_time", "smallest" and "smallest_time"."""
     outputs = solution.outputs
     return {
         "largest": outputs[name + LARGEST],
@@ -231,8 +239,8 @@ def _write_numbers(
 
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
-    """The largest normal force, N, of the finished impacts and the saved states, and the label of
-    the contact; an empty label without contacts."""
+    """Return the largest normal force, N, of all finished impacts and saved states, and the label
+    of its contact; zero and an empty label without contacts."""
     forces = [
         (float(values.normal_force.max()), contact_label(joint, contact))
         for joint, family in observed.contacts.items()

@@ -26,9 +26,12 @@ PRESETS = [name for name, value in vars(presets).items() if isinstance(value, Se
 
 @dataclass(frozen=True)
 class Study:
-    """A scene, its initial state, and the sections of the study.
+    """A scene with its initial state, and what a study file says about runs, sweeps and fits.
 
-    - `location`: the file, for messages; `document`: its tables without the scene.
+    - `scene`, `state`: the mechanism and its initial state.
+    - `parts`: the sections of the study file.
+    - `location`: the file, for messages.
+    - `document`: tables of the file without the scene.
     """
 
     scene: Scene
@@ -39,17 +42,22 @@ class Study:
 
     @property
     def path(self) -> Path:
-        """The path of the file."""
+        """Path of the file."""
         return Path(self.location.file)
 
     @property
     def title(self) -> str:
-        """The study's title, or the name of its file."""
+        """Title of the study, or the name of its file without suffix."""
         return self.parts.title or self.path.stem
 
     def settings(self, part: RunPart | SweepPart | FitPart, section: str) -> Settings:
-        """The settings of a section: a preset with the section's changes. A sweep without either
-        has the settings of the run."""
+        """Return the settings of a section: those of its preset with the changes that it makes. A
+        section [sweep] without preset and changes has the settings of [run].
+
+        **Arguments:** `part`: content of the section; `section`: its name.
+
+        **Raises:** `ValueError` for an unknown preset.
+        """
         if section == "sweep" and part.preset is None and part.settings is None:
             return self.settings(self.parts.run, "run")
         name = part.preset or "default"
@@ -61,14 +69,15 @@ class Study:
         return replace(getattr(presets, name), **changes)
 
     def ledger_for(self, settings: Settings, outputs: Mapping[str, object]) -> Settings:
-        """The settings, with the energy ledger if one of the outputs needs it."""
+        """Return the settings, with the energy ledger switched on if one of the outputs needs
+        it."""
         needed = any(getattr(output, "needs_ledger", False) for output in outputs.values())
         return replace(settings, ledger=True) if needed else settings
 
     def end(self, section_end: float | None = None) -> float:
-        """The end of runs, s: that of a section, by default that of `[run]`.
+        """Return the end of runs, s: `section_end`, or for None the end in the section [run].
 
-        **Raises:** `ValueError` if no end is given.
+        **Raises:** `ValueError` if there is neither, and for an end before the start.
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
@@ -78,7 +87,7 @@ class Study:
         return float(end)
 
     def sections(self) -> dict[str, Section]:
-        """The Poincaré sections of the run, by name."""
+        """Return the Poincaré sections of the run, by name."""
         sections = {}
         for name, part in self.parts.run.sections.items():
             channels = {
@@ -88,7 +97,7 @@ class Study:
         return sections
 
     def find(self, texts: str | Iterable[str], location: FileLocation) -> FoundPath:
-        """The number of the scene, or of its state, at a written path."""
+        """Find the number of the scene or of the state at a written path, see `find_path`."""
         names = texts if isinstance(texts, str) else tuple(texts)
         return find_path(names, self.scene, self.state, location)
 
@@ -151,7 +160,8 @@ def _document(path: Path) -> tuple[Document, FileLocation]:
 def _parts_and_scene(
     document: Document, location: FileLocation
 ) -> tuple[Document, Document, FileLocation]:
-    """The sections of a study file, and the scene that it contains or whose file it names."""
+    """Return the sections of a study file, and tables and location of the scene that the file
+    contains or names."""
     if SCENE not in document:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
         location.refuse(sorted(document), "`scene` or `bodies`", remedy)
@@ -164,9 +174,11 @@ def _parts_and_scene(
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change such as "run.end=2" in the tables of a study or a scene.
+    """Make a change such as "run.end=2" in the tables of a study or of a scene.
 
-    **Returns:** whether it is one of the study, and the keys of the changed value.
+    **Returns:** whether the study was changed instead of the scene, and the keys of the value.
+
+    **Raises:** `ValueError` for a change without "=", and for unknown keys.
     """
     location = FileLocation(f"--set {change}")
     name, equals, text = change.partition("=")
@@ -192,7 +204,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
 def _entry(
     node: object, key: str | int, parents: Keys, study: Document, location: FileLocation
 ) -> object:
-    """The entry of a table or list; a missing section `[run]` is added."""
+    """Return the entry of a table or list at `key`; a missing section [run] of the study is
+    added."""
     if isinstance(node, dict):
         if node is study and key == "run":
             node.setdefault("run", {})
@@ -208,7 +221,8 @@ def _entry(
 
 
 def _with_units(study: Document) -> Document:
-    """The tables, in which a reduction without a unit gets that of its quantity."""
+    """Return the tables of a study, in which each reduction without a unit has the unit of its
+    quantity."""
     units = {kind.__name__: getattr(kind, "unit", None) for kind in CLASSES}
     for section in ("run", "sweep"):
         outputs = _table(study.get(section, {})).get("outputs", {})

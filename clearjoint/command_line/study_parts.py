@@ -1,4 +1,4 @@
-"""Sections of a study file, the classes that it may name, and its JSON Schema."""
+"""Define the sections of a study file, the classes that it may name, and its JSON Schema."""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -43,9 +43,10 @@ class SectionPart:
 class RunPart:
     """Settings and outputs of a run.
 
-    - `start`, `end`: s.
-    - `save_every`: s between two saved states; a thousandth of the duration unless given.
-    - `preset`: a name in `clearjoint.presets`; `settings`: changes of the preset.
+    - `start`, `end`: first and last time, s.
+    - `save_every`: time between two saved states, s; by default a thousandth of the duration.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
+      the preset.
     - `outputs`: quantities along the saved states, for forces and accelerations with their extremes
       between saved states; and reductions such as `Peak`, one number of the run.
     - `sections`: Poincaré sections.
@@ -111,8 +112,12 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """The quantity in a column of the measurements. `noise`: one standard deviation, a number in
-    the column's unit or a text with another unit."""
+    """The quantity in a column of the measurements.
+
+    - `quantity`: the measured quantity.
+    - `noise`: one standard deviation: a number in the column's unit, or a text with another unit.
+    - `unit`: unit of the column, if its header does not give the unit.
+    """
 
     quantity: AbstractQuantity
     noise: Any
@@ -121,7 +126,13 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene to estimate, its scale, and a first guess, by default the scene's."""
+    """A number of the scene to estimate.
+
+    - `path`: such as "joints.pin.clearance"; several, in a list, get the same value.
+    - `scale`: scale of the parameter, by default linear.
+    - `guess`: first guess: a number in SI units, or a text with a unit; by default the value in the
+      scene.
+    """
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -181,7 +192,8 @@ TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Se
 
 
 def study_schema() -> Schema:
-    """The JSON Schema (2020-12) of study files, which contain a scene or name its file."""
+    """Return the JSON Schema (2020-12) of study files, which contain a scene or name its file, as a
+    dictionary for `json.dump`."""
     catalogue = Catalogue((*CLASSES, *TABLES))
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}

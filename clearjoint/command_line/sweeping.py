@@ -29,14 +29,19 @@ if TYPE_CHECKING:
 Reading = Callable[[object, FileLocation], float]
 """Function that converts an entry of a study file, and its location, to a number in SI units."""
 PIECES = 16
-"""Number of chunks by default; an interruption loses at most one."""
+"""Default number of chunks of lanes that are stored together; an interruption loses at most one."""
 LONGEST = 256
-"""Lanes of a chunk by default, at most."""
+"""Largest default number of lanes in a chunk."""
 
 
 @dataclass(frozen=True)
 class SweepArguments:
-    """Arguments of `clearjoint.sweep` with the same names; `chunk`: number of lanes in a chunk."""
+    """Arguments of `clearjoint.sweep` of the same names, made from a study.
+
+    - `axes`, `outputs`: swept parameters and outputs, by name.
+    - `save`: what is saved of each lane.
+    - `chunk`: number of lanes that are stored together.
+    """
 
     axes: dict[str, Axis]
     outputs: Mapping[str, Output]
@@ -45,7 +50,13 @@ class SweepArguments:
 
 
 def sweep(study: Study, out: Path, progress: bool) -> CommandResult:
-    """Run a study's sweep and write its store, tables, figures and page."""
+    """Run the sweep of a study's section [sweep], and write its store, tables, figures and page to
+    the folder `out`.
+
+    **Returns:** the exit code, and the result in a line.
+
+    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    """
     part = study.parts.sweep
     if part is None:
         study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")

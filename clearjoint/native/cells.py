@@ -1,4 +1,4 @@
-"""PyTrees of arrays in cells of 8 bytes, one array after the other."""
+"""Convert between PyTrees of arrays and rows of cells of 8 bytes, one array after the other."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,8 @@ class Cells:
         self.size = int(self._starts[-1])
 
     def columns(self) -> PyTree:
-        """Return the example with the index of its cell for each element of its arrays."""
+        """Return the example PyTree, in which each element of each array is replaced by the index
+        of its cell in a row."""
         rows = zip(self._avals, self._starts, strict=False)
         return self._tree(
             [
@@ -33,7 +34,8 @@ class Cells:
         )
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the cells of n PyTrees, which are one PyTree with a leading axis of n."""
+        """Return the cells (n, size) of n PyTrees, given as one PyTree whose arrays have a leading
+        axis of length n."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         count = len(leaves[0]) if leaves else 0
         floats = np.zeros((count, self.size))
@@ -45,7 +47,8 @@ class Cells:
         return floats
 
     def trees(self, rows: Float[np.ndarray, "n {self.size}"]) -> PyTree:
-        """Return the PyTrees in rows of cells, as one PyTree with a leading axis of n."""
+        """Return the n PyTrees in rows of cells (n, size), as one PyTree whose arrays have a
+        leading axis of length n."""
         floats, leaves = np.ascontiguousarray(rows), []
         integers = floats.view(np.int64)
         ends = zip(self._starts, self._starts[1:], strict=False)

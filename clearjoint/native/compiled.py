@@ -1,4 +1,4 @@
-"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
+"""Compile functions to native code on CPUs, and by XLA elsewhere."""
 
 import os
 import warnings
@@ -30,9 +30,13 @@ class NativeFallbackWarning(UserWarning):
 class Native(Generic[Arguments, Result]):
     """A function that is compiled to native code on CPUs, outside of JAX's transformations.
 
-    Arrays in results are then NumPy's. XLA compiles the function on accelerators, inside of
-    transformations, and if it uses a primitive without a rule; in the last case there is one
-    warning if `warns`. `native`: the function in native code.
+    Arrays in results are then NumPy arrays. XLA compiles the function on accelerators, inside of
+    transformations, and if the function uses a primitive without a rule.
+
+    - `native`: the function in native code.
+
+    **Arguments:** `function`: function of PyTrees; `warns`: whether a `NativeFallbackWarning` is
+    issued if the function uses a primitive without a rule.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -69,7 +73,7 @@ def is_native() -> bool:
 
 
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
-    """Apply a function to each row of arrays.
+    """Apply a function to the k-th rows of all arrays in `rows`, for each k, and stack the results.
 
     XLA computes all rows at once. Native code computes them in a loop, since it would unroll a
     mapped function to one copy for each row.

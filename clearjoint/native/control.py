@@ -1,4 +1,4 @@
-"""Branches and loops; rules as in `.structure`.
+"""Lower the primitives for branches and loops; rules have the form that `.structure` describes.
 
 With several lanes a condition is a vector. A branch is then carried out if its condition holds in
 any lane, and a loop goes on as long as its condition holds in any lane; each lane selects its
@@ -79,8 +79,13 @@ def _if_any(
     size: int,
     in_memory: bool,
 ) -> list[Array]:
-    """Compute a branch unless its condition holds in no lane; the results are then zero, and no
-    lane selects them. Only lanes in which the condition holds write to memory."""
+    """Lower a branch that is carried out if its condition holds in any lane, and return its
+    results; otherwise these are zero, and no lane selects them. Only lanes in which the condition
+    holds write to memory.
+
+    **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
+    arrays.
+    """
     if size <= LONGEST_CHOICE and not in_memory:
         return lower.inline(branch, arguments)
     results: list[Array] = []
@@ -164,10 +169,16 @@ def loop(
     iterate: Callable[[list[Array]], list[Array]],
     uniform: bool = False,
 ) -> list[Array]:
-    """Add a loop over arrays and return those after the last iteration.
+    """Add a loop to the program, and return its arrays (carries) after the last iteration.
 
-    Arrays in memory stay in their cells from one iteration to the next. `uniform`: whether the
-    condition is the same in all lanes.
+    Arrays in memory stay in their cells from one iteration to the next.
+
+    **Arguments:**
+
+    - `first`: carries before the first iteration.
+    - `holds`: adds the condition for a further iteration, as a function of the carries.
+    - `iterate`: adds the body, which returns the next carries.
+    - `uniform`: whether the condition is the same in all lanes.
     """
     ops = lower.ops
     first = [lower.copied(a) if isinstance(a, InMemory) and not a.owned else a for a in first]

@@ -1,4 +1,4 @@
-"""Native programs on disk, which the next process loads instead of tracing."""
+"""Keep native programs on disk, so that the next process loads them instead of tracing."""
 
 import pickle
 import sys

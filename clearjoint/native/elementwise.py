@@ -17,19 +17,19 @@ Rule = Callable[..., Value]
 
 
 def like(ops: Operations, value: Value, number: Number) -> Value:
-    """Return a number as a constant of the kind of a value."""
+    """Return `number` as a constant of the same kind as `value`."""
     kind = ops.kinds[value]
     constant = ops.constant(kind[0], number)
     return ops.emit("splat", kind, constant) if kind.endswith("p") else constant
 
 
 def condition_kind(ops: Operations, value: Value) -> str:
-    """Return the kind of a comparison of such values."""
+    """Return the kind of the result if values of the kind of `value` are compared."""
     return "bp" if ops.kinds[value].endswith("p") else "b"
 
 
 def _direct(name: str) -> Rule:
-    """The operation of the given name, whatever the kind."""
+    """Return the rule that emits the operation `name` for arguments of any kind."""
 
     def rule(ops: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
         return ops.emit(name, kind, *arguments)
@@ -63,7 +63,7 @@ def _compare(name: str) -> Rule:
 
 
 def _compare_totally(name: str) -> Rule:
-    """Compare in a total order, in which NaN follows all numbers."""
+    """Return the rule for a comparison in a total order, in which NaN follows all numbers."""
 
     def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
         if ops.kinds[a][0] != "f":
@@ -81,7 +81,7 @@ def _compare_totally(name: str) -> Rule:
 
 
 def _extreme(name: str) -> Rule:
-    """The larger or smaller of two values, or NaN if one of them is NaN."""
+    """Return the rule for the larger ("gt") or smaller ("lt") of two values; NaN if one is NaN."""
 
     def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
         if kind[0] == "b":

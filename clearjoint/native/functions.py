@@ -1,4 +1,4 @@
-"""Functions of PyTrees that are compiled to machine code."""
+"""Compile functions of PyTrees to machine code, and call them."""
 
 import enum
 import threading
@@ -40,7 +40,11 @@ class _Placeholder(enum.Enum):
 
 
 class Memory:
-    """Memory of a program in cells of 8 bytes, seen as floats and as integers."""
+    """Memory of a program in cells of 8 bytes.
+
+    - `floats`, `whole`: the same cells as an array of floats and as an array of integers.
+    - `address`: address of the first cell.
+    """
 
     def __init__(self, cells: int):
         content = np.zeros(cells + 8)
@@ -50,7 +54,7 @@ class Memory:
         self.address = self.floats.ctypes.data
 
     def write(self, region: Region, array: np.ndarray) -> None:
-        """Write an array to its region."""
+        """Write an array to the cells of `region`, which has the array's shape and dtype."""
         target = self.floats if array.dtype.kind == "f" else self.whole
         target[region.start : region.end] = array.ravel()
 
@@ -61,7 +65,8 @@ class Memory:
         return part if region.dtype == source.dtype else part.astype(region.dtype)
 
     def write_all(self, leaves: Sequence[ArrayLike], inputs: "_Inputs") -> None:
-        """Write arrays to their regions; small ones at once, which takes a tenth of the time."""
+        """Write the arrays `leaves` to the regions in `inputs`; all small arrays are written at
+        once, which takes a tenth of the time."""
         for target, (indices, cells) in zip((self.floats, self.whole), inputs.small, strict=True):
             if indices:
                 target[cells] = np.concatenate([leaves[k] for k in indices], axis=None)
@@ -70,11 +75,11 @@ class Memory:
 
 
 class _Inputs:
-    """Regions of a list of arrays.
+    """Regions of a list of arrays, prepared to write them fast.
 
-    - `small`: for floats and for integers, the indices of small arrays in the list, and their
-      cells.
-    - `large`: the indices of large arrays, and their regions.
+    - `small`: two pairs, for floats and for integers: indices of the small arrays in the list, and
+      the cells of all these arrays, one array after the other.
+    - `large`: index in the list and region of each large array.
     """
 
     def __init__(self, regions: Sequence[Region | None]):
@@ -86,7 +91,7 @@ class _Inputs:
 
 
 def _cells(regions: Sequence[Region]) -> np.ndarray:
-    """Return the cells of regions, one region after the other."""
+    """Return the indices of the cells of all regions, one region after the other."""
     parts = [np.arange(region.start, region.end) for region in regions]
     return np.concatenate(parts) if parts else np.zeros(0, int)
 
@@ -94,13 +99,13 @@ def _cells(regions: Sequence[Region]) -> np.ndarray:
 class NativeProgram:
     """A closed jaxpr as machine code.
 
-    - `inputs`: regions of its arguments, or ``None`` for arguments that it does not use.
-    - `outputs`: regions of its results.
-    - `seconds`: processor time of tracing, lowering, writing and compiling.
-    - `text`: the program in LLVM's language.
+    - `inputs`: region of each argument, or ``None`` for an argument that the program does not use.
+    - `outputs`: region of each result.
+    - `seconds`: processor time, s, of "tracing", "lowering", "writing" and "compiling".
+    - `text`: the program in LLVM's language; empty after the program was loaded from disk.
 
-    **Arguments:** `tangents`: length of the arrays that are kept as vectors; derived from the jaxpr
-    unless given.
+    **Arguments:** `closed`: the jaxpr; `tangents`: length of the arrays that are kept as vectors,
+    by default found from the jaxpr.
     """
 
     def __init__(self, closed: core.ClosedJaxpr, tangents: int | None = None):
@@ -149,7 +154,7 @@ class NativeProgram:
         return _Inputs(self.inputs)
 
     def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
-        """Return the results for arguments of the jaxpr."""
+        """Return the results of the jaxpr for the arguments `leaves`."""
         # Results are views of the memory, so that each call needs its own.
         memory = self.memory()
         memory.write_all(leaves, self._input_cells)
@@ -179,11 +184,12 @@ class NativeProgram:
 
 
 class BoundFunction:
-    """A function of PyTrees in native code whose first argument is fixed, for one thread.
+    """A native function whose first argument is fixed. Only one thread may call it at a time.
 
-    `results`: conversion between a result and its cells.
+    - `results`: conversion between results and rows of cells.
 
-    **Arguments:** `shared`: the first argument; `examples`: the others are like these.
+    **Arguments:** `function`: the native function; `shared`: its first argument; `examples`:
+    PyTrees that have the structure, shapes and dtypes of all further arguments.
     """
 
     def __init__(self, function: "NativeFunction", shared: PyTree, *examples: PyTree):
@@ -205,7 +211,8 @@ class BoundFunction:
         self._out = _cells(self._program.outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the cells of n results (n, results.size), for those of n arguments (n, cells)."""
+        """Call the function n times; each row of `rows` (n, cells) has the further arguments of a
+        call, one array after the other. Return the cells of the results, (n, results.size)."""
         results = np.empty((len(rows), self.results.size))
         for row, result in zip(rows[:, self._source], results, strict=True):
             self._memory.floats[self._target] = row
@@ -215,7 +222,8 @@ class BoundFunction:
 
 
 def cells_of(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the cells of arrays, one array after the other."""
+    """Return the content of the cells of arrays, (cells,) floats, one array after the other;
+    integers and bools as the bits of 64-bit integers."""
     parts = [
         np.ravel(array).astype(np.float64)
         if np.asarray(array).dtype.kind == "f"
@@ -232,11 +240,15 @@ def _new_region(ops: Operations, aval: ShapedArray) -> Region:
 def evaluated(
     function: Callable[..., ArrayLike], calls: Sequence[tuple[ArrayLike, ...]]
 ) -> list[Number] | None:
-    """Evaluate a scalar function of small arrays in Python, for the arguments of several calls.
+    """Evaluate a scalar function of small arrays in Python, without compiling it.
 
     Operations on known numbers are computed while lowering, so nothing is compiled; JAX would
-    compile a program for each kind of operation, which takes 20 ms. Returns ``None`` if this is not
-    possible, because of a loop or of a primitive without a rule.
+    compile a program for each kind of operation, which takes 20 ms.
+
+    **Arguments:** `calls`: arguments of each call, of equal shapes and dtypes.
+
+    **Returns:** the result of each call; ``None`` if the function has a loop or a primitive without
+    a rule.
     """
     closed = jax.make_jaxpr(function)(*calls[0])
     lowering, results = Lowering(Operations(), RULES), []
@@ -253,8 +265,14 @@ def evaluated(
 
 
 class FlatArguments(NamedTuple):
-    """Arguments of a function, their leaves and structure, the arrays among the leaves, and the key
-    of the program for them."""
+    """Arguments of a function, flattened.
+
+    - `arguments`: the arguments as given.
+    - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
+    - `arrays`: the arrays among the leaves.
+    - `key`: equal for arguments that need the same program: structure, shapes and dtypes of the
+      arrays, and all other leaves.
+    """
 
     arguments: tuple[PyTree, ...]
     leaves: list[PyTree]
@@ -313,7 +331,8 @@ class NativeFunction:
         return result(program.rows(flat.arrays, varied))
 
     def program(self, arguments: tuple[PyTree, ...]) -> tuple[NativeProgram, "Result"]:
-        """Return the program for such arguments, and the structure of its results."""
+        """Return the program for arguments of this structure, and the structure of its result; make
+        it if it is missing."""
         return self._program(FlatArguments.of(arguments))
 
     def _program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:

@@ -63,7 +63,8 @@ def _first_element(
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return the elements at known offsets from a computed index, in a shape."""
+    """Return the elements at known offsets from an index that the program computes, as an array of
+    the given shape."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -122,7 +123,7 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Array) -> list[Array]:
-    """One block of the array for each row of indices (see `jax.lax.gather`)."""
+    """Return one block of the array for each row of indices (see `jax.lax.gather`)."""
     parameters, shape = equation.params, aval_of(equation.invars[0]).shape
     numbers = parameters["dimension_numbers"]
     sizes, out = parameters["slice_sizes"], aval_of(equation.outvars[0])

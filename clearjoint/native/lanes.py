@@ -1,8 +1,9 @@
-"""A loop that computes several lanes at once, each in one element of the processor's vectors.
+"""Compute several lanes at once by a loop in native code, each in one slot of the processor's
+vectors.
 
-The memory of a group of lanes has a column for each of them. The loop returns when a lane needs its
-host, to report rows for instance, which does not affect the other lanes. The arithmetic of a lane
-is the same whatever the other columns contain.
+The memory of a group of lanes has a column for each lane. The loop returns to its host, the Python
+code that calls it, when a lane needs the host, for instance to report rows; this does not affect
+the other lanes. The arithmetic of a lane is the same whatever the other columns contain.
 """
 
 import abc
@@ -31,7 +32,11 @@ LONGEST_RUN = 4096
 
 
 class Columns:
-    """Memory of a group of lanes: (cells, lanes), as floats and as integers."""
+    """Memory of a group of lanes, with a column for each lane.
+
+    - `floats`, `whole`: the same memory, (cells, lanes), as floats and as integers.
+    - `address`: address of the first cell.
+    """
 
     def __init__(self, cells: int, width: int):
         memory = Memory(cells * width)
@@ -44,10 +49,10 @@ class AbstractLaneLoop(abc.ABC):
     """A loop that advances the states of a group of lanes.
 
     - `width`: number of lanes.
-    - `own_cells`, `state_cells`: cells of the data of each lane and of its state, in both one array
-      after the other.
-    - `occupied`: the cell that says whether a column has a lane.
-    - `status`: the regions of the status of a lane, by name.
+    - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
+      cases one array after the other.
+    - `occupied`: cell that is 1 if the column has a lane, else 0.
+    - `status`: regions of the scalars that describe the status of a lane, by name.
     """
 
     width: int
@@ -62,11 +67,12 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def run(self, columns: Columns) -> int:
-        """Advance lanes until some need their host, or for a while; return the number of
-        iterations."""
+        """Advance all lanes until one needs its host, or up to a largest number of steps; return
+        the number of steps."""
 
     def write_lane(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Occupy a column by a lane, given the cells of its data and of its state."""
+        """Put a lane into column `lane`, given the cells of its constant data `own` and of its
+        state, (cells,) each."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.whole[self.occupied, lane] = 1
@@ -76,7 +82,7 @@ class AbstractLaneLoop(abc.ABC):
         columns.whole[self.occupied, lane] = 0
 
     def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
-        """Return the status of all lanes, by name."""
+        """Return the status of all columns, (lanes,) each, by name."""
         return {
             name: (columns.floats if region.dtype.kind == "f" else columns.whole)[region.start]
             for name, region in self.status.items()

@@ -1,4 +1,4 @@
-"""From a jaxpr to operations on scalars.
+"""Lower jaxprs to operations on scalars.
 
 Calls of inner jaxprs are inlined, except for large ones that are called repeatedly: these become
 functions of machine code. Arrays are kept in one of four forms (`Array`):
@@ -74,9 +74,12 @@ class Packed:
 
 @dataclass
 class InMemory:
-    """An array in memory, from the cell `start` on.
+    """An array in memory.
 
-    `owned`: whether it may be overwritten, because nothing else reads its content.
+    - `start`: first cell.
+    - `shape`: shape of the array.
+    - `kind`: kind of its elements, see `.operations`.
+    - `owned`: whether its cells may be overwritten, because nothing else reads its content.
     """
 
     start: int
@@ -211,7 +214,8 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Find repeated calls of one large jaxpr, by the ids of their equations."""
+    """Return the calls of large jaxprs that `jaxpr` calls several times, by the id of the equation
+    that makes the call."""
     groups: dict[int, list[core.JaxprEqn]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
@@ -238,12 +242,13 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 
 
 class Lowering:
-    """Adds the equations of jaxprs to operations.
+    """Adds the equations of jaxprs to the operations of a program.
 
-    **Arguments:** `ops`: the operations to add to; `rules`: rules by the names of the primitives
-    that do not work element by element.
+    - `ops`: the operations of the program.
+    - `constants`: arrays that must be in memory before the program starts, by their first cells.
 
-    `constants`: arrays that are in memory before the program starts, by their first cells.
+    **Arguments:** `ops`: the operations to add to; `rules`: rules for the primitives that do not
+    work element by element, by the names of the primitives.
     """
 
     def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
@@ -254,12 +259,13 @@ class Lowering:
     # Forms of arrays.
 
     def argument(self, aval: ShapedArray, start: int) -> Array:
-        """Return an argument of the program, which is in memory; small ones are read."""
+        """Return the argument of the program that is in memory from the cell `start` on; small
+        arrays are read from there."""
         memory = InMemory(start, tuple(aval.shape), kind_of(aval), owned=True)
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return a known array."""
+        """Return an array whose numbers are known, in one of the four forms."""
         array = np.asarray(array)
         kind = kind_of(array)
         if array.size > LARGEST_UNROLLED:
@@ -321,7 +327,7 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return the array in memory; write it there unless it is."""
+        """Return the array in memory; write it to new cells unless it is in memory already."""
         if isinstance(array, InMemory):
             return array
         memory = self.new_array(shape, self.ops.kinds[self.values(array)[0]])
@@ -329,7 +335,7 @@ class Lowering:
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """Return the region of an array in memory; write it there unless it is."""
+        """Return the region of an array; write it to new cells unless it is in memory already."""
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
         region = Region.of(aval, self.ops.allocate(aval.size))
@@ -369,7 +375,7 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the elements of an array at known flat indices, in the shape of these."""
+        """Return the elements of an array at known flat indices, in the shape of `indices`."""
         shape, flat = indices.shape, indices.ravel()
         if isinstance(array, InMemory):
             if is_contiguous(flat):
@@ -411,7 +417,8 @@ class Lowering:
         shape: tuple[int, ...],
         arguments: Sequence[Array],
     ) -> InMemory:
-        """Apply a rule to each element of arrays in memory, and to scalars."""
+        """Add a loop that applies a rule to each element of arrays in memory, and to scalars, and
+        return the array of the results."""
         out = self.new_array(shape, kind)
 
         def visit(k: Value) -> None:
@@ -475,7 +482,8 @@ class Lowering:
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Lower an equation and keep track of who may overwrite arrays in memory."""
+        """Lower the equation with the given number, add its results to `known`, and decide which
+        arrays in memory may be overwritten."""
         arguments: list[Array] = []
         live: list[InMemory] = []
         for atom in equation.invars:
@@ -598,7 +606,7 @@ class Lowering:
         return self.array(values, shape)
 
     def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
-        """Repeat axes of length one, unless the array is a scalar, to obtain a shape."""
+        """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged."""
         if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
         return self.take(array, np.broadcast_to(element_indices(aval), shape))

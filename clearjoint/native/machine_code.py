@@ -1,4 +1,4 @@
-"""Compilation of LLVM's language to functions of this process, with a cache on disk."""
+"""Compile LLVM's language to functions of this process, with a cache on disk."""
 
 import ctypes
 import functools
@@ -45,7 +45,7 @@ class MachineCode:
         self._code, self._name = code, name
 
     def __call__(self, address: int) -> int:
-        """Call the function."""
+        """Call the function with the address of the program's memory; return its integer result."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         return function(address)
 

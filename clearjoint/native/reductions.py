@@ -1,4 +1,7 @@
-"""Primitives that combine elements: sums, extremes and products; rules as in `.structure`."""
+"""Lower the primitives that combine elements: sums, extremes and products.
+
+Rules have the form that `.structure` describes.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -24,7 +27,7 @@ Combine = Callable[[Value, Value], Value]
 
 
 def _combine(lower: Lowering, kind: str, name: str) -> Combine:
-    """Return the elementwise rule of the given name for two values."""
+    """Return a function that adds the elementwise operation `name` on two values of a kind."""
     return lambda a, b: ELEMENTWISE[name](lower.ops, kind, {}, a, b)
 
 
@@ -61,8 +64,8 @@ def _by_halves(combine: Combine, row: list[Value]) -> Value:
 def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
 ) -> list[Value]:
-    """Combine the elements of an array in memory by a loop, which writes the intermediate results
-    to `out` if given. Return the last index and the result."""
+    """Add a loop that combines all elements of an array in memory, and writes each intermediate
+    result to `out` if given; return the carries after the loop: an index, and the total."""
     ops = lower.ops
     first = ops.load(array.kind, array.start)
     if out is not None:

@@ -1,4 +1,4 @@
-"""Primitives that rearrange elements: slices, reshapes, concatenations and similar ones.
+"""Lower the primitives that rearrange elements: slices, reshapes, concatenations and others.
 
 Each rule takes the lowering, the equation and its arguments, and returns the equation's results.
 A rule applies the NumPy function of the same name to the flat indices of the elements; the result

@@ -1,4 +1,4 @@
-"""Frames and animations of the journal in its bearing."""
+"""Draw still pictures and animations of a journal that moves in its bearing."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,10 +16,11 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Drawn clearance relative to the bearing's radius."""
+"""Clearance in the pictures, as a fraction of the radius of the bearing."""
 WALL = 0.14
-"""Drawn thickness of the bearing's wall relative to its radius."""
+"""Thickness of the bearing's wall in the pictures, as a fraction of the radius of the bearing."""
 Instants = Sequence[float] | np.ndarray
+"""Times (M,) to draw, s."""
 
 
 def journal_frames(
@@ -32,16 +33,21 @@ def journal_frames(
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw a sequence of pictures of the journal in its bearing, base V above base W.
+    """Draw one picture of the journal in its bearing for each instant and for each of its bases.
 
-    The clearance is exaggerated. The journal is dark in contact and light in flight.
+    The pictures of base V are in the upper row, those of base W in the lower row. The drawn
+    clearance is 0.3 of the bearing's radius. The journal is dark in contact and light in flight.
 
     **Arguments:**
 
-    - `joint`: name of the clearance joint. `clearance`: radial, m.
-    - `instants`: (M,) s; pictures show the nearest observed instants.
-    - `section`: horizontal and vertical direction; see `plot.eccentricity_vectors`.
-    - `columns`: pictures in a row.
+    - `observation`: from `cj.observe`, with (N,) observed times.
+    - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
+    - `instants`: (M,) times, s. Each picture shows the observed time that is nearest to its
+      instant.
+    - `section`: directions that are drawn to the right and upwards, see
+      `plot.eccentricity_vectors`.
+    - `columns`: number of instants in a row; further instants continue in a new pair of rows.
+    - `figure`: empty figure to draw into; a new one by default.
 
     **Returns:** the figure.
 
@@ -84,16 +90,21 @@ def animate_journal(
     section: CrossSection | None = None,
     frames_per_second: int = 15,
 ) -> None:
-    """Write an animation of both bases of the journal in the bearing, as a GIF.
+    """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
+    right.
 
-    The clearance is exaggerated. The journal is dark in contact and light in flight.
+    The drawn clearance is 0.3 of the bearing's radius. The journal is dark in contact and light in
+    flight.
 
     **Arguments:**
 
-    - `joint`: name of the clearance joint. `clearance`: radial, m.
-    - `file`: path with the suffix ".gif".
-    - `instants`: (M,) s; frames show the nearest observed instants.
-    - `section`: horizontal and vertical direction; see `plot.eccentricity_vectors`.
+    - `observation`: from `cj.observe`, with (N,) observed times.
+    - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
+    - `file`: path of the file to write, with the suffix ".gif".
+    - `instants`: (M,) times, s, one for each frame, which shows the nearest observed time.
+    - `section`: directions that are drawn to the right and upwards, see
+      `plot.eccentricity_vectors`.
+    - `frames_per_second`: speed of the animation.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -123,7 +134,10 @@ def animate_journal(
 
 
 class Picture:
-    """A picture of a movable journal in its bearing."""
+    """Circle of a journal inside the ring of its bearing, on given axes; `show` moves the journal.
+
+    Lengths on the axes are in radii of the bearing.
+    """
 
     def __init__(self, axes: Axes):
         axes.add_patch(Annulus((0.0, 0.0), 1.0 + WALL, WALL, facecolor=GREY, edgecolor="none"))
@@ -135,7 +149,8 @@ class Picture:
         axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
 
     def show(self, offset: np.ndarray, touching: bool) -> None:
-        """Move the journal to an offset, (2,) in bearing radii, and colour it by its contact."""
+        """Move the journal's centre to `offset` (2,), in radii of the bearing; colour it dark if
+        `touching`, else light."""
         self._journal.set_center((float(offset[0]), float(offset[1])))
         self._journal.set_facecolor(DARK if touching else LIGHT)
         self._centre.set_data(offset[:1], offset[1:])
@@ -149,12 +164,13 @@ def _drawn(
     clearance: float,
     section: CrossSection | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Drawn offsets, (N, 2) in bearing radii, and whether the base touches, (N,)."""
+    """Return the offsets of a base at all observed times, (N, 2) in radii of the drawn bearing, and
+    a mask (N,) of the times at which the base touches the wall."""
     vectors = eccentricity_vectors(observation, joint, base, section)
     touching = observation.contacts[joint][base].penetration > 0.0
     return vectors * (DRAWN_GAP / clearance), touching
 
 
 def _nearest(times: np.ndarray, instants: Instants) -> list[int]:
-    """Index of the observed time nearest to each instant."""
+    """Return, for each of M instants, the index of the nearest of the (N,) observed times."""
     return [int(np.argmin(np.abs(times - instant))) for instant in instants]

@@ -1,4 +1,4 @@
-"""The energy ledger over time."""
+"""Draw the energy ledger of a run over time."""
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -13,9 +13,11 @@ STORED = {
     "potential, 0 at the start": ("gravity",),
     "elastic": ("springs", "contacts", "bristles"),
 }
-"""Names of energies of an observation, by their label in the legend."""
+"""Keys of `Observation.energies` whose sum is one curve, by the curve's label in the legend."""
 DISSIPATED = ("normal damping", "friction", "film", "stabilisation")
+"""Keys of `Observation.energies` whose sum is the curve "dissipated"."""
 SUPPLIED = "supplied"
+"""Key of `Observation.energies` with the work of drivers and loads."""
 
 
 def energy_ledger(
@@ -24,19 +26,21 @@ def energy_ledger(
     window: TimeSpan | None = None,
     axes: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw the energy ledger over time, and its drift below.
+    """Draw the energies of a run over time, and below them the error of their balance, the drift.
 
-    The curves are kinetic energy, potential energy of gravity relative to the first instant,
-    elastic energy (springs, contacts, bristles), dissipated energy since the start (normal damping,
-    friction, films, stabilisation) and work of drivers and loads since the start. The drift is the
-    change of the sum of stored and dissipated energy minus work. For a run without ledger, the
-    change of the mechanical energy is drawn instead.
+    The upper axes show the kinetic energy, the potential energy of gravity relative to the first
+    instant, the elastic energy (springs, contacts, bristles), the energy dissipated since the start
+    (normal damping, friction, films, stabilisation) and the work of drivers and loads since the
+    start. The drift is the change since the start of kinetic, potential, elastic and dissipated
+    energy together, minus the work; it would be zero for an exact integration. A run without energy
+    ledger has neither dissipated energy nor work: the lower axes then show the change of kinetic,
+    potential and elastic energy together.
 
     **Arguments:**
 
-    - `observation`: of a run with `Settings(ledger=True)`.
+    - `observation`: from `cj.observe`, of a run with `Settings(ledger=True)`.
     - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: two axes; new ones by default.
+    - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 
     **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
 
@@ -63,6 +67,7 @@ def energy_ledger(
 
 
 def _curves(observation: Observation) -> dict[str, np.ndarray]:
+    """Return the curves of the upper axes, (N,) J, by their label in the legend."""
     energies = observation.energies
     curves = {label: _sum(observation, names) for label, names in STORED.items()}
     known = {label: values for label, values in curves.items() if values is not None}
@@ -76,6 +81,7 @@ def _curves(observation: Observation) -> dict[str, np.ndarray]:
 
 
 def _sum(observation: Observation, names: tuple[str, ...]) -> np.ndarray | None:
+    """Return the sum (N,), J, of the named energies that were observed, None if there are none."""
     energies = observation.energies
     known = [np.asarray(energies[name]) for name in names if name in energies]
     return np.sum(known, axis=0) if known else None

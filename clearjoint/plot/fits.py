@@ -1,4 +1,4 @@
-"""Figures of fits, of what data identify, and of how long a run can be fitted."""
+"""Draw fits to measurements, the accuracy of estimated parameters, and the longest run to fit."""
 
 from collections.abc import Collection
 from functools import cached_property
@@ -19,9 +19,9 @@ from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
 LETTER = 0.08
-"""Width of a letter, inches."""
+"""Width of a letter of a parameter's name, inches."""
 ROW = 1.9
-"""Height of a panel, inches."""
+"""Half of the height of a panel of `fitted` with the residuals below it, inches."""
 
 
 class FittedModel(Protocol):
@@ -29,7 +29,7 @@ class FittedModel(Protocol):
 
     @property
     def measurements(self) -> Measurements:
-        """Measured series."""
+        """Measured series, by name."""
         ...
 
     @property
@@ -39,26 +39,32 @@ class FittedModel(Protocol):
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Fitted values of each series, (N,), SI."""
+        """Values (N,) that the fitted model predicts, by name of the series, in its SI unit."""
         ...
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """(Prediction - value) / noise of each series, (N,)."""
+        """(prediction - measured value) / noise, (N,), by name of the series."""
         ...
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation (p, p) of the estimates."""
+        """Correlation coefficients (p, p) of the errors of the p estimated parameters."""
         ...
 
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
-    """Draw each series with its fit, and below the residuals in units of the noise.
+    """Draw each measured series over time with the fitted prediction, and below it the residuals.
 
-    **Arguments:** `series`: names of the series; by default all.
+    **Arguments:**
 
-    **Returns:** the axes, (2, number of series), of a new figure.
+    - `fit`: from `cj.identify`.
+    - `series`: names of the measured series to draw; by default all.
+
+    **Returns:** array (2, number of series) of axes in a new figure: measurement and prediction in
+    the first row, residuals in the second one, with a grey band from -2 to 2.
+
+    **Raises:** `ValueError` for unknown names of series.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -115,9 +121,12 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Draw the correlations of the estimates as a matrix of coloured numbers.
+    """Draw the correlation coefficients of the estimated parameters as a matrix of coloured
+    numbers.
 
-    **Returns:** the axes.
+    **Arguments:** `fit`: from `cj.identify`; `axes`: axes to draw on, new ones by default.
+
+    **Returns:** the axes. Rows and columns are the p parameters; numbers are between -1 and 1.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -145,15 +154,18 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
 
 
 def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
-    """Draw lower bounds of the parameters' standard deviations over the length of the record.
+    """Draw how accurately parameters can be estimated from measurements of increasing length.
 
-    Each parameter has a line; all are estimated together. Deviations are in the coordinates of the
-    scales, for `Log` relative errors. Lines are thin and faint where a parameter is not
-    identifiable.
+    Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
+    parameters are estimated together. A standard deviation is in the unit of the parameter's
+    coordinate in its scale; for the scale `Log` it is the relative error. The line is thin and
+    faint where the standard deviation exceeds the limit for an identifiable parameter.
 
-    **Arguments:** `report`: from `identifiability`; `report.of(...)` for a single sensor.
+    **Arguments:** `report`: from `cj.identifiability`; `report.of(...)` shows a single sensor.
+    `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, deviations logarithmic.
+    **Returns:** the axes; duration of the measurement in ms, standard deviation on a logarithmic
+    scale.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -178,12 +190,13 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw how far small changes of parameters and of the initial velocity displace the bodies.
 
-    Displacements are drawn over time, per unit of each parameter's coordinate and per m/s of
-    initial velocity. Vertical lines are the times beyond which a fit by a single run fails.
+    Each parameter has a line over time: the displacement per unit of the parameter's coordinate in
+    its scale (for the scale `Log`, per relative change). A further line is the displacement per m/s
+    of initial velocity. Vertical lines mark the times beyond which a fit by a single run fails.
 
-    **Arguments:** `horizon`: from `clearjoint.fit_horizon`.
+    **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, displacements in m, logarithmic.
+    **Returns:** the axes; time in ms, displacements in m on a logarithmic scale.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(
@@ -245,6 +258,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
+    """Draw vertical lines at the finite times from which on guesses or the integration fail."""
     limits = {
         "guesses fail": (horizon.convergence, DARK),
         "integration fails": (horizon.numerical, GREY),

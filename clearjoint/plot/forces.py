@@ -1,4 +1,4 @@
-"""Normal forces of contacts, over time and over the penetration."""
+"""Draw normal forces of contacts over time and over the penetration."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,11 +13,12 @@ from .labels import fitting_unit, time_axis, time_unit
 from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
 
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
-"""Ratio of the largest value to the median of the peaks, and to the value that is exceeded for half
-of the time in contact, above which an axis is logarithmic."""
+"""An axis becomes logarithmic if the largest force exceeds the first number times the median of the
+forces' peaks, or the second number times the median over time of the forces in contact."""
 FEWEST_PEAKS = 3
+"""Smallest number of peaks for which their median is used."""
 DECADES = 4.0
-"""Largest range of a logarithmic axis."""
+"""Largest range of a logarithmic axis of forces, in powers of ten."""
 
 
 def contact_and_reaction(
@@ -32,13 +33,15 @@ def contact_and_reaction(
 
     **Arguments:**
 
-    - `observation`: at instants that resolve the impact.
-    - `contact`: names of the clearance joint and of the contact in it, such as a base.
-    - `reaction`: names of the ideal joint and of the body on which its force acts.
+    - `observation`: from `cj.observe`, at instants that resolve the impact.
+    - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
+    - `reaction`: name of the ideal joint and name of the body on which its force acts.
     - `window`: start and end of the drawn time, s; by default the whole observation.
     - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes; time in ms or s, forces in N or kN.
+    **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
+
+    **Raises:** `ValueError` for unknown names.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -73,13 +76,14 @@ def contact_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the normal forces of all contacts of a joint over time.
+    """Draw the normal forces of all contacts of a joint over time, each as one curve.
 
     Contacts with the same force, such as both bases in planar motion, share one curve.
 
     **Arguments:**
 
-    - `observation`: along every accepted step, or at instants that resolve the impacts.
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
     - `joint`: name of the clearance joint.
     - `window`: start and end of the drawn time, s; by default the whole observation.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
@@ -88,6 +92,8 @@ def contact_forces(
     - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
+
+    **Raises:** `ValueError` for a name that is not one of a joint with contacts.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -108,9 +114,10 @@ def joint_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the largest normal force of each clearance joint over time.
+    """Draw one curve over time for each joint with contacts: the largest of the normal forces of
+    its contacts at each instant.
 
-    **Arguments:** `observation`, `window`, `logarithmic`: as of `contact_forces`.
+    **Arguments:** `observation`, `window`, `logarithmic`, `axes`: see `contact_forces`.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
@@ -142,7 +149,7 @@ def _over_time(
     logarithmic: bool | None,
     axes: Axes,
 ) -> Axes:
-    """Draw forces, N, by name."""
+    """Draw curves of forces, (N,) N by label, over times (N,) s."""
     mask, drawn_times, time_label = time_axis(axes, times, window)
     curves = observed.without_twins(
         {name: np.asarray(values)[mask] for name, values in forces.items()}
@@ -164,10 +171,16 @@ def _rescale(
     factor: float,
     logarithmic: bool | None,
 ) -> None:
-    """Make the axis of forces logarithmic if requested, or if small forces are invisible else."""
+    """Make the axis of forces logarithmic if `logarithmic`, or, if it is None, when the usual
+    forces would be invisible on a linear axis.
+
+    **Arguments:** `times`: (N,) s; `curves`: forces (N,) each, N; `factor`: from N to the unit of
+    the axis.
+    """
     peaks = np.concatenate([_peaks(values) for values in curves])
     if len(peaks) == 0 or logarithmic is False:
         return
+    # Steps are short in contact: forces are weighted with time, so that many samples do not count.
     weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
     values = np.concatenate(curves)
     order = np.argsort(values)
@@ -183,7 +196,7 @@ def _rescale(
 
 
 def _peaks(values: np.ndarray) -> np.ndarray:
-    """The largest value of each interval of positive ones."""
+    """Return the largest value in each interval of successive positive values of `values` (N,)."""
     ends = np.flatnonzero(np.diff(np.pad(values > 0.0, 1).astype(int)))
     return np.array([values[first:last].max() for first, last in ends.reshape(-1, 2)])
 
@@ -191,19 +204,22 @@ def _peaks(values: np.ndarray) -> np.ndarray:
 def hysteresis(
     observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
 ) -> Axes:
-    """Draw the normal force over the penetration for the first impacts of one contact.
+    """Draw the normal force over the penetration, as a closed loop for each impact of a contact.
 
-    The area inside a loop is the dissipated energy; the legend gives it.
+    The area inside a loop is the energy that the impact dissipates; the legend gives this energy.
 
     **Arguments:**
 
-    - `observation`: at instants that resolve the impacts, such as every accepted step.
-    - `impacts`: those of one contact, from `Impacts.of`.
-    - `count`: number of loops.
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
+    - `impacts`: impacts of one contact, from `Impacts.of`.
+    - `count`: number of impacts to draw, from the first one on.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
-    **Raises:** `ValueError` without impacts, and for fewer than three instants in one.
+    **Raises:** `ValueError` if `impacts` is empty, or if fewer than three observed instants lie in
+    one of the drawn impacts.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -232,7 +248,15 @@ def hysteresis(
 
 
 def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
-    """Return the energy that one impact dissipates, J: the area inside its hysteresis loop.
+    """Return the energy that one impact dissipates by its normal force, J.
+
+    It is the integral of the normal force over the penetration: the area inside a loop of
+    `hysteresis`.
+
+    **Arguments:** `observation`: see `hysteresis`; `impacts`: table of impacts; `index`: row of the
+    impact in the table.
+
+    **Raises:** `ValueError` if fewer than three observed instants lie in the impact.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -247,7 +271,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Penetration (m) and force (N) from onset to separation, with zeros at both ends."""
+    """Return penetration (n,) m and normal force (n,) N of the impact in row `index` at its
+    observed instants, with an added zero at both ends."""
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     in_impact = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
     remedy = "observe every step: cj.observe(scene, solution, solution.steps)"

@@ -1,4 +1,4 @@
-"""Eccentricities of the journal's bases, over time and in the bearing's cross-section."""
+"""Draw the eccentricities of a journal's bases over time and in the bearing's cross-section."""
 
 from collections.abc import Mapping
 
@@ -18,8 +18,9 @@ from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside,
 from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
-"""Two perpendicular unit vectors by their labels: the horizontal and the vertical direction of a
-figure. (3,) each in global axes, or (N, 3) for a moving bearing."""
+"""Two perpendicular unit vectors by their labels, such as {"X": …, "Y": …}: the directions that a
+figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3) for a bearing that
+turns."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is Z.
 
@@ -27,10 +28,10 @@ XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 (1.0, 0.0, 0.0)
 """
 WIDTHS = 1.6, 0.9
-"""Widths of the lines of both bases: the second may partly cover the first."""
+"""Widths of the lines of base V and base W, points: W is thinner, as it may lie on V."""
 PRESSED = 0.05
-"""Largest difference of eccentricity and clearance, relative to the clearance, for which the
-difference is drawn instead of the eccentricity."""
+"""`eccentricities` draws eccentricity minus clearance if this difference never exceeds this
+fraction of the clearance."""
 BEARING_AXES = ("the bearing's x", "the bearing's y")
 SMALLEST_IN_MILLIMETRES = 0.2e-3
 """Clearances below this one, m, are drawn in micrometres."""
@@ -44,20 +45,24 @@ def eccentricities(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the magnitude of the eccentricity of both bases over time.
+    """Draw the eccentricities of base V and base W over time.
 
-    Bases that move alike share one curve. For a journal that stays at the wall, the difference of
-    eccentricity and clearance is drawn.
+    Bases that move alike share one curve. If the eccentricity never differs from the clearance by
+    more than 5 %, eccentricity minus clearance is drawn instead.
 
     **Arguments:**
 
-    - `observation`: as of `journal_orbit`.
+    - `observation`: from `cj.observe`, along ``solution.steps.between()``, or at instants that
+      resolve free flights and impacts.
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m, drawn as a line; above it a base touches the wall. By default that of
-      the observed joint.
+    - `clearance`: radial clearance, m, drawn as a horizontal line; above the line a base touches
+      the wall. By default the clearance of the observed joint.
     - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
+
+    **Raises:** `ValueError` for the name of a joint without a journal.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -94,12 +99,18 @@ def eccentricities(
 def eccentricity_vectors(
     observation: Observation, joint: str, base: str, section: CrossSection | None = None
 ) -> np.ndarray:
-    """Return the vector from the bearing's axis to a base, in the bearing's cross-section, (N, 2)
-    m.
+    """Return the vector from the bearing's axis to the centre of a base, at all observed times.
 
-    **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, in global
-    axes, by their labels: (3,) each, or (N, 3) for a moving bearing. By default the x and y of the
-    bearing, which move with it; if the bearing's axis is the z of its body, those of the body.
+    **Arguments:**
+
+    - `observation`: from `cj.observe`, with N observed times.
+    - `joint`: name of the clearance joint. `base`: "V" or "W".
+    - `section`: two perpendicular unit vectors across the bearing's axis, by their labels: (3,)
+      each in global axes, or (N, 3) if the bearing turns. By default the x and y axes of the
+      bearing's own frame, which turn with the bearing; if the bearing's axis is the z axis of its
+      body, these are the x and y axes of the body.
+
+    **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -125,20 +136,26 @@ def journal_orbit(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the paths of both bases' centres across the bearing, with the clearance circle.
+    """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
+    whose radius is the clearance: outside it, a base touches the wall.
 
     Bases that move alike share one path. Observed points are joined by straight lines. Accepted
     steps are long in free flight: observe ``solution.steps.between()`` instead, as below.
 
     **Arguments:**
 
-    - `observation`: along ``solution.steps.between()``, or at instants that resolve free flights.
+    - `observation`: from `cj.observe`, along ``solution.steps.between()``, or at instants that
+      resolve free flights.
     - `joint`: name of the clearance joint.
-    - `clearance`: radial, m; by default that of the observed joint.
-    - `section`: horizontal and vertical direction; see `eccentricity_vectors`.
+    - `clearance`: radial clearance, m; by default the clearance of the observed joint.
+    - `section`: directions that are drawn to the right and upwards, see `eccentricity_vectors`.
     - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
+    **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
+    0.2 mm.
+
+    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -170,11 +187,13 @@ def orbit_in_contact(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of one base's centre in the bearing's cross-section, dark and thick in contact.
+    """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
+    the base touches the wall.
 
-    **Arguments:** as `journal_orbit`, and the name of the `base`.
+    **Arguments:** `base`: "V" or "W"; for the others see `journal_orbit`.
 
-    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance.
+    **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
+    0.2 mm.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -194,9 +213,13 @@ def orbit_in_contact(
 
 
 def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
-    """Draw the circle on which a base touches the wall, and set equal scales.
+    """Draw a circle around the origin whose radius is the clearance, and give both axes the same
+    scale. A base whose centre lies outside the circle touches the wall.
 
-    **Arguments:** `clearance`: radial, m; `factor`: from m to the unit of the axes, mm by default.
+    **Arguments:** `clearance`: radial clearance, m; `factor`: factor from m to the unit of the
+    axes, by default that to mm.
+
+    **Returns:** `axes`.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
@@ -209,14 +232,17 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Return the factor from m to the unit for a clearance in m, and that unit: mm or µm."""
+    """Return the unit in which a figure shows a clearance, given in m.
+
+    **Returns:** the factor from m to the unit, and the unit: "mm" from 0.2 mm on, else "µm".
+    """
     return (1e3, "mm") if clearance >= SMALLEST_IN_MILLIMETRES else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
-    """Return the radial clearance of a joint, m: the eccentricity minus the penetration.
+    """Return the radial clearance of a joint, m, as eccentricity minus penetration of a base.
 
-    **Raises:** `ValueError` for a joint without a journal.
+    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
     journals = [
@@ -251,18 +277,23 @@ def orbit(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of the journal's centre, or of a base, of one lane in the clearance circle.
+    """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
+    sweep, with a circle whose radius is the clearance.
 
     **Arguments:**
 
-    - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `saved`: name of the `Saved` whose `channels` are the horizontal and vertical offset, m, such
-      as those of `quantities.JournalOffset`.
-    - `clearance`: radial, m.
+    - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `saved`: name of the output of the sweep that is a `Saved`.
+    - `clearance`: radial clearance, m.
+    - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
+      both in m, such as those of `quantities.JournalOffset`.
     - `window`: start and end of the drawn time, s; by default all saved times.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes, of equal scale, in mm, or in µm below 0.2 mm of clearance. A dot marks
-    the beginning.
+    **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
+    dot marks the start.
+
+    **Raises:** `ValueError` for unknown names of the output or of its channels.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]

@@ -1,4 +1,4 @@
-"""Labels, units and scales of axes."""
+"""Choose labels, units with SI prefixes, and linear or logarithmic scales of axes."""
 
 from typing import NamedTuple
 
@@ -13,12 +13,13 @@ from ..fields.drawn_text import shown
 from .style import TimeSpan, show
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+"""SI prefixes by their power of ten."""
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as the numerator of a quotient: mm/s."""
 LARGEST = {"m": 0, "s": 0, "rad": 0}
-"""Highest power of ten of the prefixes of some units: kilometres and kiloseconds are not used."""
+"""Largest power of ten of a unit's prefix, by unit: kilometres and kiloseconds are not used."""
 LAST_IN_MILLISECONDS = 2.0
-"""Times up to this one, s, are shown in ms."""
+"""A time axis is in ms if all its times are below this one, s."""
 SMALLEST_IN_KILONEWTONS = 1e4
 """Forces from this one on, N, are shown in kN in figures of single runs."""
 LOGARITHMIC = 12.0
@@ -29,11 +30,17 @@ FEW_TICKS = 5.0
 """Ratio of the largest to the smallest value up to which ticks of a logarithmic axis are equally
 spaced."""
 MANY_DECADES = 500.0
-"""The same ratio, above which ticks are powers of ten."""
+"""Ratio of the largest to the smallest value from which on ticks of a logarithmic axis are only at
+powers of ten."""
 
 
 class ScaledValues(NamedTuple):
-    """Numbers to draw: `values` are the data times `factor`; `label` has name and unit."""
+    """Numbers to draw in a unit with a prefix.
+
+    - `values`: the data in the SI unit, times `factor`; same shape as the data.
+    - `label`: text of the axis: name and unit with prefix, such as "force, kN".
+    - `factor`: from the SI unit to the drawn unit.
+    """
 
     values: np.ndarray
     label: str
@@ -41,12 +48,15 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
-    """Scale a variable by the SI prefix that brings its largest value between 1 and 1000.
+    """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000.
 
-    **Arguments:** `present`: label of axes that already show values of the same unit: its prefix is
-    used, and the new label has both names.
+    **Arguments:**
 
-    **Raises:** `ValueError` if those axes have another unit.
+    - `data`: any shape, with its SI unit in ``attrs["units"]``; without it, "1".
+    - `present`: label of the axes, such as "force, kN", if these already show other data; empty
+      for new axes. The unit of this label is then used, and the new label has both names.
+
+    **Raises:** `ValueError` if the label's unit is not that of the data.
     """
     values = np.asarray(data.values, dtype=float)
     si = data.attrs.get("units", "1")
@@ -60,7 +70,11 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 
 def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """Names, power of ten of the unit's prefix, and unit of an axis label."""
+    """Split an axis label such as "force, kN" of data in the SI unit `unit` into names ("force"),
+    power of ten of the prefix (3) and unit with prefix ("kN").
+
+    **Raises:** `ValueError` for a label with another unit.
+    """
     text = unit.replace("^2", "²").replace("^3", "³")
     if text == "1":
         return label, 0, text
@@ -72,8 +86,13 @@ def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
-    """Return the legend text of an output of a sweep: its name, and the selected values of other
-    axes of the sweep."""
+    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
+
+    The text has the output's name, and name and value of each axis of the sweep on which a single
+    value is selected, except the drawn one.
+
+    **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
+    """
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim == 0 and name != axis:
@@ -85,8 +104,11 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor from an SI unit to one with a suitable prefix, and that unit. Forces are in
-    N below 10 kN, else in kN."""
+    """Choose the prefix that brings the largest of `values` (any shape, in the SI unit `unit`)
+    between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
+
+    **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
+    """
     if unit == "N":
         largest = np.abs(values).max(initial=0.0)
         return (1e-3, "kN") if largest >= SMALLEST_IN_KILONEWTONS else (1.0, "N")
@@ -95,8 +117,12 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Return the factor from s to the unit of an axis over times, or over a window of them, and
-    that unit: ms up to 2 s, else s."""
+    """Choose the unit of a time axis: ms if all times are below 2 s, else s.
+
+    **Arguments:** `times`: (N,) s; `window`: start and end, s, considered instead of `times`.
+
+    **Returns:** the factor from s to the unit, and the unit's text.
+    """
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < LAST_IN_MILLISECONDS else (1.0, "s")
 
@@ -104,9 +130,11 @@ def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float,
 def time_axis(
     axes: Axes, times: np.ndarray, window: TimeSpan | None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Limit axes over time to a window, if one is given.
+    """Prepare a time axis, and limit it to a window if one is given.
 
-    **Returns:** (N,) mask of the times to draw, these times in the unit of the axis, and its label.
+    **Arguments:** `times`: (N,) s, increasing; `window`: start and end of the drawn time, s.
+
+    **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
     """
     factor, unit = time_unit(times, window)
     scaled_window = None if window is None else (factor * window[0], factor * window[1])
@@ -115,7 +143,8 @@ def time_axis(
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """The power of ten of a suitable prefix, and the unit with that prefix."""
+    """Return the power of ten of the prefix that brings the largest finite value between 1 and
+    1000, 0 for units without prefix, and the text of the unit with this prefix."""
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
@@ -127,8 +156,11 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Whether values are positive and spread over more than a decade, or, for a swept parameter,
-    are positive and form a geometric series."""
+    """Return whether an axis for values (any shape) should be logarithmic.
+
+    All finite values must be positive, and the largest must exceed 12 times the smallest, or, for
+    the values of a `swept` parameter, they must form a geometric series.
+    """
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
@@ -137,7 +169,7 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def _is_geometric(values: np.ndarray) -> bool:
-    """Whether positive values have equal ratios and unequal differences."""
+    """Return whether successive sorted values have equal ratios and unequal differences."""
     distinct = np.unique(values)
     if len(distinct) < 3:
         return False
@@ -147,10 +179,11 @@ def _is_geometric(values: np.ndarray) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Choose logarithmic axes with ticks in plain numbers where values suit, and linear ones where
-    some value is not positive.
+    """Make the x and the y axis logarithmic where their values suit, see `suits_logarithm`, and
+    linear where some value is not positive; otherwise keep the scale.
 
-    **Arguments:** `swept`: the axes with swept parameters, "x", "y" or "xy".
+    **Arguments:** `x`, `y`: drawn values, any shape; `swept`: letters of the axes that show swept
+    parameters, "x", "y" or "xy".
     """
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
@@ -162,8 +195,11 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, in plain numbers: at equal
-    distances for a small range, only at powers of ten for many decades."""
+    """Set the ticks of a logarithmic axis for positive values (any shape), as numbers like 0.2.
+
+    Ticks are at equal distances if the largest value is at most 5 times the smallest, at 1, 2 and 5
+    times powers of ten up to 500 times, and matplotlib's own, at powers of ten, above.
+    """
     finite = values[np.isfinite(values)]
     if finite.max() < MANY_DECADES * finite.min():
         few = finite.max() <= FEW_TICKS * finite.min()

@@ -1,4 +1,4 @@
-"""Motion of bodies, and curves over the angle of a shaft, for several runs in one figure."""
+"""Draw motions of bodies, and curves over the angle of a shaft, for several runs in one figure."""
 
 from collections.abc import Mapping
 
@@ -14,6 +14,7 @@ from .observed import acceleration_of, centre_of
 from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show
 
 Curve = tuple[np.ndarray, np.ndarray]
+"""Angles (N,), rad, and values (N,)."""
 COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
 
 
@@ -25,15 +26,20 @@ def position(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one coordinate of a body's centre of mass over time.
+    """Draw one global coordinate of a body's centre of mass over time, a curve for each run.
 
     **Arguments:**
 
-    - `trajectories`: of each run, by label; later ones cover earlier ones.
+    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label in the
+      legend; later curves cover earlier ones.
+    - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
     - `window`: start and end of the drawn time, s; by default all times.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in s, position in m.
+
+    **Raises:** `ValueError` for an unknown body or component.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -57,16 +63,22 @@ def acceleration(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one component of the acceleration of a body's centre of mass over time.
+    """Draw one global component of the acceleration of a body's centre of mass over time, a curve
+    for each run.
 
     **Arguments:**
 
-    - `observations`: of each run, by label, along every accepted step so that no peak is missed;
-      later ones cover earlier ones.
+    - `observations`: observation of each run, from `cj.observe`, by the curve's label in the
+      legend; later curves cover earlier ones. Observe every accepted step, so that no peak is
+      missed.
+    - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
     - `window`: start and end of the drawn time, s; by default all times.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
+
+    **Raises:** `ValueError` for an unknown body or component.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -93,15 +105,22 @@ def path(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of a body's centre of mass, projected on a plane of the global frame.
+    """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
+    for each run.
 
     **Arguments:**
 
-    - `trajectories`: of each run, by label; later ones cover earlier ones.
-    - `plane`: horizontal and vertical coordinate, of "X", "Y" and "Z".
+    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
+      curves cover earlier ones.
+    - `body`: name of the body.
+    - `plane`: the two global coordinates, "X", "Y" or "Z", that are drawn to the right and upwards.
     - `window`: start and end of the drawn time, s; by default the whole trajectories.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes, of equal scale; positions in m. A dot marks the start.
+    **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
+    drawn; `axes.legend()` adds one.
+
+    **Raises:** `ValueError` for an unknown body or coordinate.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
@@ -131,8 +150,11 @@ def over_angle(
 
     **Arguments:**
 
-    - `curves`: angles (N,) in rad and values (N,), by label; later ones cover earlier ones.
-    - `quantity`: label of the values, with unit. `shaft`: name of the shaft.
+    - `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves cover earlier
+      ones.
+    - `quantity`: text of the vertical axis: name and unit of the values.
+    - `shaft`: name of the shaft in the text of the horizontal axis.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; angle in degrees, ticks at quarter turns.
 

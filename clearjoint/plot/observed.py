@@ -10,11 +10,12 @@ from ..simulation.results.observe import ContactObservation, Load, Observation
 from ..simulation.results.solution import Trajectory
 
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
-"""Relative differences up to which curves count as equal: to their values, and to the largest."""
+"""Two curves count as equal if they differ at each point by at most the first number times the
+value there plus the second number times the largest value of all curves."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Observations of all contacts of a joint, by name.
+    """Return the observations of all contacts of a joint, by the contacts' labels.
 
     **Raises:** `ValueError` that lists the known names.
     """
@@ -23,13 +24,13 @@ def contacts(observation: Observation, joint: str) -> dict[str, ContactObservati
 
 
 def require_contacts(observation: Observation) -> None:
-    """Check that an observation has contacts."""
+    """Raise `ValueError` if an observation has no contacts."""
     names, remedy = list(observation.contacts), "give a joint some clearance"
     require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
 
 
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
-    """Observations of one contact of a joint.
+    """Return the observation of one contact of a joint.
 
     **Raises:** `ValueError` that lists the known names.
     """
@@ -39,7 +40,7 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def reaction(observation: Observation, joint: str, body: str) -> Load:
-    """Force and moment of an ideal joint on a body.
+    """Return the force and the moment of an ideal joint on a body.
 
     **Raises:** `ValueError` that lists the known names.
     """
@@ -49,7 +50,7 @@ def reaction(observation: Observation, joint: str, body: str) -> Load:
 
 
 def acceleration_of(observation: Observation, body: str) -> np.ndarray:
-    """Acceleration of a body's centre of mass, (N, 3) global, m/s^2.
+    """Return the acceleration of a body's centre of mass, (N, 3) in global axes, m/s^2.
 
     **Raises:** `ValueError` that lists the known names.
     """
@@ -58,7 +59,7 @@ def acceleration_of(observation: Observation, body: str) -> np.ndarray:
 
 
 def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
-    """A body's centre of mass, (N, 3) global, m.
+    """Return the position of a body's centre of mass, (N, 3) in global axes, m.
 
     **Raises:** `ValueError` that lists the known names.
     """
@@ -67,10 +68,12 @@ def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Join equal curves into one with both names in its label. In planar motion both bases of a
-    journal move alike.
+    """Merge equal curves: both bases of a journal, for example, move alike in planar motion.
 
-    **Returns:** labels and curves.
+    **Arguments:** `curves`: arrays of one shape, by label.
+
+    **Returns:** label and values of each remaining curve, in the given order. The label of merged
+    curves has all their labels, such as "bases V and W".
     """
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
@@ -91,5 +94,6 @@ def _joined(names: list[str]) -> str:
 
 
 def _require_known(argument: str, name: str, known: Collection[str]) -> None:
+    """Raise `ValueError` with the known names unless `name` is among them."""
     expected = f"one of those observed, {sorted(known)}"
     require(name in known, argument, name, expected, "correct the name")

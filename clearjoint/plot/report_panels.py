@@ -1,4 +1,4 @@
-"""Rows of the page of a report."""
+"""Draw the rows of the page of `plot.report`, each into its own subfigure."""
 
 import numpy as np
 import xarray as xr
@@ -37,14 +37,16 @@ THINNER = 0.6
 MANY = 5000
 """Points from which on a curve is rasterised in a PDF."""
 SMALL_MOTION = 0.02
-"""Largest motion of a centre, relative to the size of the mechanism, without a drawn path."""
+"""Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
+the mechanism."""
 NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
 JOINT_POSITIONS = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
 IMPACT_POSITIONS = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
 
 
 def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> None:
-    """Write a description of scene and run above a table of joints."""
+    """Write the `lines` that describe scene and run, and below them a table with the rows
+    `joints`, whose columns are `JOINT_COLUMNS`."""
     axes = row.add_subplot()
     for line, text in enumerate(lines):
         _write(axes, 0.0, line, shown(text, LINE_LENGTH))
@@ -52,7 +54,7 @@ def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> N
 
 
 def draw_impacts(row: SubFigure, impacts: list[Cells]) -> None:
-    """Write a table of impacts."""
+    """Write a table with the rows `impacts`, whose columns are `IMPACT_COLUMNS`."""
     axes = row.add_subplot()
     _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
     _table(axes, IMPACT_COLUMNS, impacts, IMPACT_POSITIONS, 1.2)
@@ -82,7 +84,8 @@ def _table(
 
 
 def _write(axes: Axes, position: float, line: float, text: str, weight: str = "normal") -> None:
-    """Write text at a fraction of the width, `line` lines below the top."""
+    """Write a text whose left end is at the fraction `position` of the width, `line` lines below
+    the top."""
     axes.annotate(
         text,
         (position, 1.0),
@@ -96,8 +99,11 @@ def _write(axes: Axes, position: float, line: float, text: str, weight: str = "n
 
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
-    """Draw the orbits of the journals with the largest forces, and the contact directions of the
-    first one; without journals, the paths of the bodies."""
+    """Draw the orbits of the two journals with the largest forces, and the contact directions of
+    the journal with the largest force; for a scene without journals, the paths of the bodies.
+
+    **Arguments:** `path`: states along the run; `observed`: observation of the same states.
+    """
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
@@ -120,7 +126,7 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _peak(observed: Observation, joint: str) -> float:
-    """Largest normal force of a joint, N."""
+    """Return the largest normal force of a joint's contacts, N."""
     contacts = observed.contacts[joint].values()
     return max(float(np.max(contact.normal_force)) for contact in contacts)
 
@@ -151,7 +157,7 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_over_time(row: SubFigure, observed: Observation) -> None:
-    """Draw forces, and below them contact phases."""
+    """Draw the normal forces over time, and below them the contact phases."""
     heights = 1.6, 0.4 + 0.2 * len(observed.contacts)
     above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)
     if len(observed.contacts) == 1:
@@ -164,7 +170,8 @@ def draw_over_time(row: SubFigure, observed: Observation) -> None:
 
 
 def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
-    """Draw the energy ledger on the left and the spectrum on the right."""
+    """Draw the energy ledger on the left, and on the right the amplitude spectrum of `record` (N,)
+    over "time", s."""
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))

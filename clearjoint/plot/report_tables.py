@@ -1,4 +1,4 @@
-"""Texts and tables of a report: the scene, the run, and the largest impacts."""
+"""Write the texts and tables of `plot.report`: the scene, the run, and the largest impacts."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -14,10 +14,11 @@ from ..simulation.step.settings import Settings
 from .labels import fitting_unit
 
 Cells = Sequence[str]
+"""Texts of a row of a table, from left to right."""
 PLAYS = ("clearance", "play", "backlash")
-"""Fields with the clearance or play of a joint."""
+"""Names of the fields in which joints store their clearance or play."""
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
-"""Symbols of the numbers of a law that the table shows, by field."""
+"""Symbols of the numbers of a contact or friction law that the table shows, by field name."""
 JOINT_COLUMNS = ("joint", "kind", "bodies", "play", "normal law", "friction")
 IMPACT_COLUMNS = (
     "joint",
@@ -32,12 +33,16 @@ IMPACT_COLUMNS = (
 
 
 ALIKE, ALIKE_AT_ONCE = 1e-3, 8
-"""Differences of onsets, relative to the duration, and of forces up to which impacts are equal; and
-the number of latest impacts among which equal ones are searched."""
+"""Two impacts count as equal if their onsets differ by at most the first number times the duration
+and their peak forces by the first number, relatively. The second is the number of latest impacts
+with which each impact is compared."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return a row of `JOINT_COLUMNS` for each joint, first those with contacts; `most` rows."""
+    """Return at most `most` rows, with the texts of `JOINT_COLUMNS`, one for each joint.
+
+    Joints with contacts come first. If there are too many joints, the last row is "3 more", say.
+    """
     joints = sorted(
         scene.joints.items(), key=lambda item: not isinstance(item[1], AbstractContactJoint)
     )
@@ -46,6 +51,7 @@ def joint_rows(scene: Scene, most: int) -> list[Cells]:
 
 
 def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> Cells:
+    """Return the texts of `JOINT_COLUMNS`; only the first three for a joint without contacts."""
     head = name, type(joint).__name__, " – ".join(joint.body_names())
     if not isinstance(joint, AbstractContactJoint):
         return head
@@ -57,7 +63,8 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
 
 
 def _law(law: object) -> str:
-    """Kind of a law, and its restitution or coefficients of friction."""
+    """Return the class name of a law, and its restitution or coefficients of friction, such as
+    "LankaraniNikravesh, c 0.9"."""
     values = {symbol: getattr(law, field, None) for field, symbol in SYMBOLS.items()}
     numbers = [
         f"{symbol} {float(np.asarray(value)):.3g}"
@@ -68,6 +75,7 @@ def _law(law: object) -> str:
 
 
 def _play(joint: AbstractContactJoint) -> str:
+    """Return the joint's clearance or play with unit, such as "0.5 mm", "yes" if unknown."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     texts = []
     for name in PLAYS:
@@ -79,7 +87,8 @@ def _play(joint: AbstractContactJoint) -> str:
 
 
 def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
-    """Return lines of text about the scene, the run, its steps and its settings."""
+    """Return the lines that describe the scene, the run, its steps, its equations, and its
+    redundant constraints if there are any."""
     gravity = scene.gravity
     counts = {"joint": len(scene.joints), "force": len(scene.forces)}
     parts = [_counted(number, name) for name, number in counts.items()]
@@ -129,9 +138,12 @@ def _impacts(impacts: Impacts | None) -> str:
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
-    """Return a row of `IMPACT_COLUMNS` for each of the impacts with the largest peak forces, in
-    descending order. Equal impacts of several contacts of a joint, such as both bases in planar
-    motion, share a row."""
+    """Return the `most` impacts with the largest peak forces, in descending order, as rows with
+    the texts of `IMPACT_COLUMNS`.
+
+    Equal simultaneous impacts of several contacts of a joint, such as both bases in planar motion,
+    share a row.
+    """
     groups = _alike(impacts)
     order = sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]
     columns = {
@@ -156,7 +168,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _alike(impacts: Impacts) -> dict[int, list[str]]:
-    """Contacts with equal simultaneous impacts, by the index of the first impact."""
+    """Return the groups of equal simultaneous impacts: labels of their contacts, by the row of the
+    group's first impact in the table."""
     groups: dict[int, list[str]] = {}
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [

@@ -1,4 +1,4 @@
-"""Poincaré sections of a run, of a lane, and of all lanes of a sweep (bifurcation diagrams)."""
+"""Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams)."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -25,11 +25,16 @@ UNLIKE = 20.0
 def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
 ) -> Axes:
-    """Draw one state per period: a single dot for a periodic motion, a cloud for a chaotic one.
+    """Draw the points of a Poincaré map: one dot for a motion with the map's period, a cloud for a
+    chaotic motion.
 
-    **Arguments:** `x`, `y`: (N,) coordinates of the points, in order; `labels`: with units.
+    **Arguments:**
 
-    **Returns:** the axes, with a colour bar; later points are darker.
+    - `x`, `y`: (N,) coordinates of the points in the order of time, in any units.
+    - `labels`: texts of the horizontal and the vertical axis, with units.
+    - `axes`: axes to draw on; new ones by default.
+
+    **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on.
 
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
@@ -39,7 +44,7 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes
 ) -> Axes:
-    """Draw points, coloured by their numbers."""
+    """Draw points with coordinates `x`, `y` (N,), whose colours show their `numbers` (N,)."""
     look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
     if len(x) > 1:
@@ -57,15 +62,19 @@ def poincare_section(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the crossings of a run: a few dots for a periodic motion, a cloud for a chaotic one.
+    """Draw two quantities at the section crossings of a run: a few dots for a periodic motion, a
+    cloud for a chaotic one.
 
     **Arguments:**
 
-    - `crossings`: `solution.sections[name]`. `section`: the `Section` of that name.
-    - `channels`: names of the horizontal and vertical channel; by default the section's first two.
-    - `after`: s; earlier crossings, those of the transient, are omitted.
-    - `clearance`: radial, m; its circle is drawn. For channels that are the `JournalOffset` of a
-      joint.
+    - `crossings`: recorded crossings, ``solution.sections[name]``.
+    - `section`: the `Section` that was passed to `Saving` under this name.
+    - `channels`: names of the section's channels that are drawn to the right and upwards; by
+      default the first two.
+    - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
+    - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
+      joint with this clearance.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
     points are darker; a colour bar gives their number.
@@ -99,15 +108,18 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the crossings of one lane of a sweep.
+    """Draw two quantities at the section crossings of one lane of a sweep.
 
-    **Arguments:** `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``;
-    `section`: name of the `Section`; `channels`: names of the horizontal and vertical
-    channel; `after`, `clearance`: as of `plot.poincare_section`.
+    **Arguments:**
 
-    **Returns:** as of `plot.poincare_section`.
+    - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `section`: name of the `Section`.
+    - `channels`: names of the section's channels that are drawn to the right and upwards.
+    - `after`, `clearance`, `axes`: see `plot.poincare_section`.
 
-    **Raises:** `ValueError` for unknown names.
+    **Returns:** the axes, see `plot.poincare_section`.
+
+    **Raises:** `ValueError` for unknown names, for several lanes, and if no crossing remains.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
@@ -137,7 +149,14 @@ def section_points(
     clearance: float | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw two channels, in SI units, of crossings at times (N,) s."""
+    """Draw two channels of section crossings.
+
+    **Arguments:**
+
+    - `times`: (N,) s, of the crossings. `values`: two arrays (N,) in SI units.
+    - `channels`, `units`: names and SI units of the two channels.
+    - `after`, `clearance`, `axes`: see `poincare_section`.
+    """
     times, lengths = np.asarray(times), set(units) == {"m"}
     kept = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
@@ -177,19 +196,25 @@ def bifurcation(
     number: bool = False,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw a bifurcation diagram: a channel of a section over a swept parameter.
+    """Draw a bifurcation diagram: a quantity at the section crossings over a swept parameter.
 
     Each dot is a crossing. A periodic motion gives a few curves, a chaotic one a cloud. Lanes that
-    failed or are pending are crosses at the lower edge of the axes.
+    failed or have not run yet are crosses at the lower edge of the axes.
 
     **Arguments:**
 
-    - `dataset`: from `sweep` or `open_sweep`, with a value of each other axis selected.
-    - `section`, `channel`: names of the `Section` and of its channel.
-    - `axis`: name of the parameter; by default the only axis of the sweep.
-    - `number`: whether colours give the number of the crossing, for motions that do not repeat.
+    - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
+      each axis that is not drawn.
+    - `section`: name of the `Section`. `channel`: name of the section's channel to draw.
+    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
+    - `number`: whether colours show the numbers of the crossings, from 1 on, for motions that do
+      not repeat.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes, logarithmic for values of more than a decade.
+    **Returns:** the axes. An axis is logarithmic if its largest value exceeds 12 times its smallest
+    one.
+
+    **Raises:** `ValueError` for unknown names.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

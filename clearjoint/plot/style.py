@@ -45,14 +45,17 @@ def next_colour(axes: Axes) -> str:
 
 
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
-    """Return the given axes, or those of a new figure of a size in inches."""
+    """Return `axes`, or for None the axes of a new figure of width and height `size`, inches."""
     if axes is not None:
         return axes
     return plt.subplots(figsize=size, layout="constrained")[1]
 
 
 def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> PolarAxes:
-    """Return the given polar axes, or new ones, for angles in a bearing's cross-section.
+    """Return polar axes with grid lines at every 45°.
+
+    **Arguments:** `axes`: polar axes to use, new ones by default; `size`: width and height of a new
+    figure, inches.
 
     **Raises:** `ValueError` for axes that are not polar.
     """
@@ -69,7 +72,8 @@ def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> P
 
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
-    """Label the axes, add a faint grid behind the curves, and remove the upper and right frame."""
+    """Write the texts `x` and `y` at the axes, add a faint grid behind the curves, remove the upper
+    and right frame, and return `axes`."""
     axes.set_xlabel(broken(x))
     axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
@@ -81,7 +85,10 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw labelled curves (label, x, y) that differ by colour and line style."""
+    """Draw curves that differ by colour and line style.
+
+    **Arguments:** `curves`: label, x (N,) and y (N,) of each curve; `linewidth`: points.
+    """
     for (label, x, y), (colour, style) in zip(curves, lines(), strict=False):
         axes.plot(x, y, color=colour, linestyle=style, linewidth=linewidth, label=label)
 
@@ -94,7 +101,12 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes, at a `height` in axes coordinates."""
+    """Add a legend without a frame above the axes.
+
+    **Arguments:** `columns`: number of columns; `handles`: drawn samples, by default those of all
+    labelled curves; `handlelength`: length of the samples in font sizes; `height`: lower edge of
+    the legend as a fraction of the axes' height.
+    """
     axes.legend(
         handles=handles,
         loc="lower center",
@@ -106,12 +118,12 @@ def legend_above(
 
 
 def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Limit axes over time to a window, if one is given.
+    """Limit a time axis to a window, if one is given.
 
-    **Arguments:** `times`: (N,), increasing; `window`: both in the unit of the axes.
+    **Arguments:** `times`: (N,), increasing, and `window`, both in the unit of the axis.
 
-    **Returns:** (N,) mask of the times to draw: those in the window, and one before and after it,
-    so that curves reach its edges.
+    **Returns:** mask (N,) of the times to draw: those in the window and the nearest one on either
+    side, so that curves reach the window's edges; all times without a window.
     """
     if window is None:
         return np.full(np.shape(times), True)
@@ -122,7 +134,8 @@ def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
 
 
 def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Return a mask of the (N,) times in the window; all of them without a window."""
+    """Return a mask (N,) that is true for the times (N,) in the closed window, or for all times if
+    `window` is None."""
     if window is None:
         return np.full(np.shape(times), True)
     return (times >= window[0]) & (times <= window[1])

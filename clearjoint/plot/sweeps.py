@@ -1,4 +1,4 @@
-"""Outputs of a sweep over one or two of its parameters."""
+"""Draw outputs of a sweep over one or two of its parameters."""
 
 from typing import TypedDict
 
@@ -14,17 +14,18 @@ from .style import VERMILLION, axes_or_new, dress, inside, legend_above, next_co
 
 
 def is_successful(dataset: xr.Dataset) -> xr.DataArray:
-    """Whether each lane ran to its end, by its result code."""
+    """Return whether each lane ran to its end, as an array with the axes of the sweep."""
     attributes = dataset["result"].attrs
     codes = dict(zip(attributes["flag_meanings"].split(), attributes["flag_values"], strict=True))
     return dataset["result"] == codes["successful"]
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """Return the number of each lane along the given axes; NaN where a lane failed or is pending.
+    """Return an output as an array whose dimensions are the axes `along`, in this order; NaN where
+    a lane failed or has not run yet.
 
-    **Raises:** `ValueError` for an unknown variable or axis, and for a variable with other
-    dimensions than these axes.
+    **Raises:** `ValueError` for an unknown output or axis, and for an output whose dimensions are
+    not exactly these axes.
     """
     require_names(dataset, (variable, *along))
     dims = tuple(dataset[axis].dims[0] for axis in along)
@@ -39,7 +40,10 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return the name of the axis, by default that of the sweep's only one."""
+    """Return `axis`, or for None the name of the sweep's only axis.
+
+    **Raises:** `ValueError` for None and a sweep with several axes.
+    """
     if axis is not None:
         return axis
     dims = dataset["result"].dims
@@ -56,7 +60,11 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
 def mark_failed(
     axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
 ) -> None:
-    """Draw crosses at the lower edge of the axes for lanes that failed or are pending."""
+    """Draw crosses at the lower edge of the axes for lanes that failed or have not run yet.
+
+    **Arguments:** `positions`: (L,) horizontal positions of the lanes in the unit of the axes;
+    `successful`: (L,) whether each lane ran to its end.
+    """
     missing = positions[~successful]
     if missing.size:
         axes.plot(
@@ -71,7 +79,7 @@ def mark_failed(
 
 
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
-    """Check that a data set has variables of these names."""
+    """Raise `ValueError` unless a data set has variables or coordinates of all these names."""
     unknown = [name for name in names if name not in dataset.variables]
     require(
         not unknown,
@@ -98,20 +106,26 @@ def against(
 ) -> Axes:
     """Draw an output of a sweep over a swept parameter, as a point for each lane.
 
-    Lanes that failed or are pending are crosses at the lower edge of the axes. In axes of another
-    call, points have another colour and the units of these axes.
+    Lanes that failed or have not run yet are crosses at the lower edge of the axes.
 
     **Arguments:**
 
-    - `dataset`: from `sweep` or `open_sweep`, with a value of each other axis selected.
-    - `variable`: name of the output. `axis`: name of the parameter; by default the only axis.
-    - `median`: number of neighbouring lanes for a line through their median, which shows the trend
-      in the scatter of chaotic motion.
-    - `label`: text of the legend; by default the name of the output and the selected values of
-      other axes, as by ``dataset.sel(restitution=0.9)``.
-    - `colour`: of the points; by default one that the axes do not have yet.
+    - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
+      each axis that is not drawn, as by ``dataset.sel(restitution=0.9)``.
+    - `variable`: name of the output.
+    - `axis`: name of the swept parameter; by default the only axis of the sweep.
+    - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
+      shows the trend in the scatter of chaotic motion. No line by default.
+    - `label`: text of the legend; by default the name of the output and the selected values.
+    - `colour`: colour of the points; by default one that the axes do not have yet.
+    - `axes`: axes to draw on, such as those of an earlier call, whose units are then used; new ones
+      by default.
 
-    **Returns:** the axes, logarithmic for values of more than a decade.
+    **Returns:** the axes. An axis is logarithmic if its largest value exceeds 12 times its smallest
+    one, or if the values of the parameter form a geometric series.
+
+    **Raises:** `ValueError` for unknown names, for an output that is not one number for each value
+    of the parameter, and for axes with another unit.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -150,11 +164,16 @@ def against(
 def running_median(
     positions: np.ndarray, values: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return medians of `width` neighbouring positions, and of the values there.
+    """Return running medians of values over positions.
 
-    NaN is omitted, and so are the ends, which have too few neighbours.
+    The n points whose value is finite are sorted by position. Each group of `width` successive
+    points gives the median of its positions and the median of its values.
 
-    **Raises:** `ValueError` if there are fewer values than `width`.
+    **Arguments:** `positions`, `values`: (N,); `width`: number of points in a group.
+
+    **Returns:** medians of the positions and of the values, (n - width + 1,) each.
+
+    **Raises:** `ValueError` if `width` is below 1 or above n.
 
     >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
     >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
@@ -173,7 +192,8 @@ def running_median(
 
 
 class Fill(TypedDict):
-    """Look of an area: colours of face and hatching, and the pattern of the hatching."""
+    """Arguments of a matplotlib patch: colours of the area and of its hatching, and the hatching's
+    pattern."""
 
     facecolor: str
     edgecolor: str
@@ -186,14 +206,23 @@ MISSING = Fill(facecolor="0.85", edgecolor="0.55", hatch="////")
 def parameter_map(
     dataset: xr.Dataset, variable: str, x: str, y: str, *, axes: Axes | None = None
 ) -> Axes:
-    """Draw an output of a sweep over two parameters, as colours with a colour bar.
+    """Draw an output of a sweep over two swept parameters, as colours with a colour bar.
 
-    Lanes that failed or are pending are grey and hatched.
+    Lanes that failed or have not run yet are grey and hatched.
 
-    **Arguments:** `dataset`: from `sweep` or `open_sweep`, with a value of each other axis
-    selected; `variable`: name of the output; `x`, `y`: horizontal and vertical parameter.
+    **Arguments:**
 
-    **Returns:** the axes. Axes and colours are logarithmic for values of more than a decade.
+    - `dataset`: from `sweep` or `open_sweep`. If the sweep has further axes, select one value of
+      each of them.
+    - `variable`: name of the output.
+    - `x`, `y`: names of the parameters that are drawn to the right and upwards.
+    - `axes`: axes to draw on; new ones by default.
+
+    **Returns:** the axes. Colours and axes are logarithmic if the largest value exceeds 12 times
+    the smallest one; axes also if the values of the parameter form a geometric series.
+
+    **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
+    pair of values.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -235,17 +264,24 @@ def convergence(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw a deviation over a parameter that tends to zero, and its rate of convergence.
+    """Draw an output, such as an error, over a parameter that tends to zero, and the rate p of its
+    convergence.
+
+    A line shows the power law C a^p of the parameter a that fits the output's logarithms best; the
+    legend gives p.
 
     **Arguments:**
 
-    - `dataset`, `variable`, `axis`: see `against`; failed lanes are crosses too.
-    - `within`: range of the parameter for the fit and the line of the rate; by default all values.
+    - `dataset`, `variable`, `axis`: see `against`.
+    - `within`: smallest and largest parameter of the lanes that are fitted, in the unit of the data
+      set; by default all lanes are.
     - `label`: text of the legend before the rate.
-    - `colour`: of the points; by default one that the axes do not have yet.
-    - `axes`: those of another call, to compare.
+    - `colour`: colour of the points; by default one that the axes do not have yet.
+    - `axes`: axes to draw on, such as those of an earlier call; new ones by default.
 
     **Returns:** the axes, both logarithmic.
+
+    **Raises:** `ValueError` for unknown names, and for fewer than two positive values to fit.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -274,9 +310,10 @@ def convergence(
 def power_law_exponent(
     dataset: xr.Dataset, variable: str, axis: str | None = None, *, within: Bounds | None = None
 ) -> float:
-    """Return the exponent p of a power law C a^p, by least squares of logarithms.
+    """Return the exponent p of the power law C a^p that fits an output of a sweep over its
+    parameter a, by least squares of logarithms.
 
-    The arguments are those of `convergence`.
+    **Arguments:** see `convergence`.
 
     **Raises:** `ValueError` for fewer than two positive values.
 
@@ -294,7 +331,8 @@ def power_law_exponent(
 
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Exponent and factor of the power law through the positive values."""
+    """Return exponent p and factor C of the power law C x^p that fits the positive ones of the
+    values `y` (N,) over `x` (N,)."""
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

@@ -1,4 +1,4 @@
-"""Quantities along a solution, their phase portraits and their amplitude spectra."""
+"""Evaluate quantities along a solution, and draw their phase portraits and amplitude spectra."""
 
 import re
 from collections.abc import Callable
@@ -25,16 +25,19 @@ def series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return a quantity along a solution.
+    """Return the values of a quantity at the saved states of a solution.
 
     **Arguments:**
 
-    - `scene`: the simulated scene. `solution`: with saved states.
+    - `scene`: the simulated scene.
+    - `solution`: from `cj.simulate` with `save`, so that states are saved.
     - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
-    - `unit`: SI unit, for a quantity without one.
-    - `trajectory`: by default the saved states; `solution.steps` for every accepted step.
+    - `unit`: SI unit of the values, for a quantity that does not declare its unit.
+    - `trajectory`: N states at which the quantity is evaluated; by default the saved states.
+      `solution.steps` are those of every accepted step.
 
-    **Returns:** (N,) over "time", s, with the name and unit of the quantity.
+    **Returns:** array (N,) with the coordinate "time", s; its name is that of the quantity, its
+    unit is in ``attrs["units"]``.
 
     **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
@@ -59,10 +62,14 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the rate of a quantity along a solution, from the equations of motion. The quantity
-    must be a function of positions, velocities and time.
+    """Return the time derivative of a quantity at the saved states of a solution.
 
-    **Arguments**, **Returns**, **Raises:** see `series`.
+    Positions change with the velocities, and velocities with the accelerations that the equations
+    of motion give at each state. The quantity must be a function of positions, velocities and time.
+
+    **Arguments**, **Raises:** see `series`.
+
+    **Returns:** array (N,) with the coordinate "time", s, in the quantity's unit per second.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -78,7 +85,10 @@ def rate_series(
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
-    """Return the given trajectory, by default the saved states of the solution."""
+    """Return `trajectory`, or for None the saved states of the solution.
+
+    **Raises:** `ValueError` for a solution without saved states.
+    """
     trajectory = solution.saved if trajectory is None else trajectory
     remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"
     require(trajectory is not None, "solution", "without saved states", "one with states", remedy)
@@ -87,7 +97,8 @@ def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajecto
 
 
 def name_of(quantity: Callable[..., object]) -> str:
-    """Return the name of a quantity in labels: its kind, and the names that it refers to."""
+    """Return the name of a quantity for labels, such as "position of ball x": the words of its
+    class's name, and the texts among its fields."""
     kind = getattr(quantity, "__name__", type(quantity).__name__)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
     if not isinstance(quantity, AbstractQuantity):
@@ -97,7 +108,10 @@ def name_of(quantity: Callable[..., object]) -> str:
 
 
 def unit_of(quantity: Quantity, unit: str | None) -> str:
-    """Return the given SI unit, by default that of the quantity."""
+    """Return `unit`, or for None the SI unit that the quantity declares.
+
+    **Raises:** `ValueError` if there is neither.
+    """
     unit = getattr(quantity, "unit", None) if unit is None else unit
     require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
     assert unit is not None
@@ -105,6 +119,7 @@ def unit_of(quantity: Quantity, unit: str | None) -> str:
 
 
 def _over_seconds(unit: str) -> str:
+    """Return the unit of a time derivative: "m/s" for "m", "m/s^2" for "m/s"."""
     if unit == "1":
         return "1/s"
     base, slash, power = unit.partition("/s")
@@ -128,17 +143,19 @@ def phase_portrait(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the rate of a quantity over the quantity: a closed curve for a periodic motion.
+    """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
+    periodic motion.
 
     **Arguments:**
 
     - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
-    - `quantity`: a function of positions, such as an angle, a position or a penetration; its rate
-      comes from the equations of motion.
+    - `quantity`: function of positions, such as an angle, a position or a penetration. Its time
+      derivative follows from the equations of motion.
     - `window`: start and end of the drawn time, s; by default all times.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes. A dot marks the start, a square the end. Angles continue beyond a full
-    turn.
+    **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
+    Angles continue beyond a full turn.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -162,28 +179,31 @@ def phase_portrait(
 
 
 DECADES = 8.0
-"""Shown decades below the largest amplitude."""
+"""A spectrum shows amplitudes down to this many powers of ten below the largest one."""
 FEWEST = 4
 """Smallest number of samples for a spectrum."""
 UNEVEN = 1e-6
-"""Largest difference of sampling intervals relative to their mean."""
+"""Intervals between samples count as equal if none differs by more than this fraction of their
+mean."""
 NO_UNIT = "1"
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
-    """Return the one-sided amplitude spectrum of a record.
+    """Return the one-sided amplitude spectrum of values over time.
 
-    A harmonic of amplitude A at one of the frequencies has the value A there. The mean is
-    subtracted first.
+    The mean is subtracted first. A harmonic of amplitude A, whose frequency is one of those of the
+    spectrum, has the value A there.
 
     **Arguments:**
 
-    - `record`: (N,) over a coordinate "time", s, at equal intervals, such as from `plot.series`.
-    - `taper`: a window of `scipy.signal.get_window`: "hann", "flattop" (true amplitudes between
-      frequencies too), "boxcar" (for a whole number of periods).
+    - `record`: array (N,) with the coordinate "time", s, at equal intervals, such as from
+      `plot.series`.
+    - `taper`: name of a window function of `scipy.signal.get_window`: "hann"; "flattop", with the
+      true amplitude also for a harmonic between two frequencies of the spectrum; or "boxcar", for a
+      record of a whole number of periods.
 
-    **Returns:** (N // 2,) over "frequency", Hz, in the record's unit. The lowest frequency is the
-    inverse of the record's length.
+    **Returns:** array (N // 2,) with the coordinate "frequency", Hz, in the unit of the record.
+    Frequencies are the multiples of the inverse of N sampling intervals, without zero.
 
     **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
 
@@ -202,7 +222,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 
 def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, without zero, and amplitudes."""
+    """Return frequencies (N // 2,), Hz, without zero, and amplitudes (N // 2,) of values (N,) at
+    times (N,), s."""
     remedy = "save more states"
     require(len(times) >= FEWEST, "record", len(times), f"at least {FEWEST} samples", remedy)
     intervals = np.diff(times)
@@ -220,7 +241,7 @@ def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.nda
 
 
 def is_even(intervals: np.ndarray) -> bool:
-    """Whether intervals between samples, (N - 1,) s, are equal, and enough for a spectrum."""
+    """Return whether N samples with the intervals (N - 1,), s, are equally spaced, with N >= 4."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
@@ -236,15 +257,18 @@ def spectrum(
     taper: str = "hann",
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the amplitude spectrum of a quantity along a solution.
+    """Draw the amplitude spectrum of a quantity at the saved states of a solution.
 
     **Arguments:**
 
     - `scene`, `solution`, `quantity`, `unit`: see `plot.series`. States must be saved at equal
-      intervals, short enough for the impacts: frequencies above half the sampling rate are aliased.
+      intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
+      at wrong frequencies below it (aliasing).
     - `taper`: see `plot.amplitude_spectrum`.
+    - `axes`: axes to draw on; new ones by default.
 
-    **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit, logarithmic.
+    **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
+    prefix, on a logarithmic scale.
 
     **Raises:** `ValueError` for times at unequal intervals.
 
@@ -257,9 +281,12 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of a record, such as a measured one or one of a sweep's lane.
+    """Draw the amplitude spectrum of values over time, such as measured ones or those of a lane.
 
-    **Arguments**, **Raises:** see `plot.amplitude_spectrum`. **Returns:** see `plot.spectrum`.
+    **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`; `axes`: axes to draw on, new
+    ones by default.
+
+    **Returns:** the axes, see `plot.spectrum`. **Raises:** see `plot.amplitude_spectrum`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0

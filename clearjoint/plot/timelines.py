@@ -1,4 +1,4 @@
-"""Phases of contact over time: free flight, impact, and following of the wall."""
+"""Tell when a clearance joint is in free flight, in impact, or follows the wall, and draw it."""
 
 import enum
 
@@ -14,7 +14,9 @@ from .style import BLUE, DARK, TimeSpan, axes_or_new, dress, legend_above
 
 
 class ContactPhase(enum.IntEnum):
-    """Phase of a joint with clearance. If its contacts differ, the largest number decides.
+    """Phase of a joint with clearance: free flight, a short impact, or following, in which the
+    journal stays at the wall. If contacts of the joint differ, the phase with the largest number
+    counts.
 
     >>> plot.ContactPhase(1).name
     'IMPACT'
@@ -35,7 +37,8 @@ BAR_STYLES = {
         {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"},
     ),
 }
-"""Height in the row of a joint, and style: phases differ by height, grey value and hatching."""
+"""Height of a phase's bar as a fraction of a joint's row, and the bar's matplotlib style: phases
+differ by height, grey value and hatching."""
 
 
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
@@ -47,8 +50,13 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     instant is following. If contacts of the joint differ, following has priority over impact, and
     impact over free flight.
 
-    **Arguments:** `observation`: along every accepted step, or at instants that resolve the
-    impacts; `joint`: name of a joint with contacts.
+    **Arguments:**
+
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
+    - `joint`: name of a joint with contacts.
+
+    **Raises:** `ValueError` for the name of a joint without contacts.
 
     **Source:** P. Flores and others 2006, except the limit between impact and following.
 
@@ -66,6 +74,7 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
 
 def _phases(contact: ContactObservation) -> np.ndarray:
+    """Return the phases (N,) of a single contact, by the rules of `contact_phases`."""
     touching = np.asarray(contact.penetration) > 0.0
     approaching = np.asarray(contact.penetration_rate) > 0.0
     phases = np.where(touching, ContactPhase.IMPACT, ContactPhase.FREE_FLIGHT)
@@ -88,13 +97,16 @@ def motion_timeline(
 ) -> Axes:
     """Draw when each clearance joint is in free flight, in impact, or following the wall.
 
-    See `plot.contact_phases`. The numbers on the right are the fractions of the time, in percent.
+    `plot.contact_phases` defines the three phases. The numbers on the right of each row are the
+    percentages of the drawn time in free flight, in impact and in following, in this order.
 
     **Arguments:**
 
-    - `observation`: along every accepted step, or at instants that resolve the impacts.
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
     - `joints`: names of joints, from top to bottom; by default all with contacts.
     - `window`: start and end of the drawn time, s; by default the whole observation.
+    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, a row for each joint.
 
@@ -143,7 +155,8 @@ def _label(phase: ContactPhase) -> str:
 def _intervals(
     times: np.ndarray, phases: np.ndarray, window: TimeSpan
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Start and length, s, and phase of each interval of one phase within a window."""
+    """Return the starts and lengths, s, and the phases of the M successive intervals of constant
+    phase in a window, (M,) each, from the phases (N,) at times (N,), s."""
     changes = np.flatnonzero(np.diff(phases)) + 1
     rows = np.concatenate([[0], changes])
     starts = np.clip(times[rows], *window)

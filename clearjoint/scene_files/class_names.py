@@ -17,7 +17,7 @@ Classes: TypeAlias = Collection[type]
 
 
 def require_classes(given: Classes) -> None:
-    """Check that `classes` is a collection of classes."""
+    """Raise `ValueError` unless the argument `classes` is a collection of classes."""
     remedy = "pass for example classes=[MyLaw]"
     require(not isinstance(given, type | str), "classes", given, "a list of classes", remedy)
     for kind in given:

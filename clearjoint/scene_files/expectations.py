@@ -1,4 +1,4 @@
-"""Arguments of a class's constructor: the values that each may have, from annotations and units."""
+"""Find which values each argument of a class's constructor may have, from annotations and units."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -15,22 +15,24 @@ from ..model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
 
 CONSTRUCTORS: dict[type, Callable[..., object]] = {BodyState: body_state}
-"""Functions that make and check an instance of a class whose constructor does not check."""
+"""Functions that check arguments and make an instance, by the class, for classes whose constructors
+do not check."""
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """Values that an argument or an entry may have.
+    """Values that an argument of a constructor, or an entry of a table or list, may have.
 
-    - `unit`: unit of its numbers, if it is declared.
-    - `shapes`: known shapes of its numbers.
-    - `is_array`: whether its numbers become an array, also a single one.
-    - `classes`: base classes of the objects that it may be.
-    - `options`: the enumeration of its values.
-    - `is_text`: whether it may be a text.
-    - `is_flag`: whether it may be true or false.
-    - `is_anything`: whether nothing is known about it.
-    - `by_name`, `item`: the expected entries of a table or of a list.
+    - `unit`: SI unit of its numbers; None if no unit is declared.
+    - `shapes`: shapes that its numbers may have, () for a single number; empty if unknown.
+    - `is_array`: whether numbers, also a single one, are converted to an array.
+    - `classes`: base classes of the objects that are allowed.
+    - `options`: enumeration whose members are the only allowed values.
+    - `is_text`: whether a text is allowed.
+    - `is_flag`: whether true and false are allowed.
+    - `is_anything`: whether any value is allowed, since the annotation says nothing.
+    - `by_name`: expected entries of a table of arbitrary names.
+    - `item`: expected entries of a list.
     """
 
     unit: str | None = None
@@ -50,7 +52,12 @@ ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of a constructor: the expected value, and the default if it has one."""
+    """An argument of a constructor.
+
+    - `expected`: values that it may have.
+    - `is_required`: whether it has no default.
+    - `default`: its default value; None for a required argument.
+    """
 
     expected: Expectation
     is_required: bool
@@ -59,7 +66,8 @@ class Argument:
 
 @cache
 def factories(kind: type) -> dict[str, Callable[..., object]]:
-    """Public static methods of a class that return an instance of it, by name."""
+    """Return the public static methods of a class that are annotated to return an instance of it,
+    by name."""
     methods = {
         name: member.__func__
         for name, member in vars(kind).items()
@@ -71,13 +79,15 @@ def factories(kind: type) -> dict[str, Callable[..., object]]:
 
 
 def constructor(kind: type, factory: str = "") -> Callable[..., object]:
-    """The function that makes an instance of a class, or its factory method of a name."""
+    """Return the function that makes an instance of a class: its static method named `factory`, or,
+    for an empty name, its constructor."""
     return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
 
 
 @cache
 def arguments(kind: type, factory: str = "") -> dict[str, Argument]:
-    """Arguments of a class's constructor, or of one of its factory methods, by name."""
+    """Return the arguments of a class's constructor, or of its static method named `factory`, by
+    name."""
     make = constructor(kind, factory)
     make = kind.__init__ if make is kind else make
     hints = _hints(make) | _hints(kind)
@@ -93,7 +103,7 @@ def arguments(kind: type, factory: str = "") -> dict[str, Argument]:
 
 
 def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
-    """The expectation with the unit and the shape that a field's metadata declares."""
+    """Return the expectation with the unit and shape that a field's metadata declare."""
     if "unit" not in metadata:
         return expected
     shape = getattr(metadata.get("declared"), "shape", None)
@@ -110,7 +120,8 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
 
 
 def _hints(owner: object) -> dict[str, object]:
-    """Annotations of a class or function; unresolved texts where one names an unknown type."""
+    """Return the annotations of a class or function by name; as texts if one of them names a type
+    that is unknown at run time."""
     try:
         return get_type_hints(owner, include_extras=True)
     except NameError:
@@ -118,7 +129,8 @@ def _hints(owner: object) -> dict[str, object]:
 
 
 def expectation(annotation: object) -> Expectation:
-    """The values that an annotation allows; a text in `Annotated` is their unit."""
+    """Return the values that an annotation allows; a text in ``Annotated[float, "s"]`` is their
+    unit."""
     if get_origin(annotation) is Annotated:
         inner, *notes = get_args(annotation)
         unit = next((note for note in notes if isinstance(note, str)), None)
@@ -136,7 +148,7 @@ def expectation(annotation: object) -> Expectation:
 
 
 def _of_one(annotation: object) -> Expectation:
-    """The values that an annotation other than a union allows."""
+    """Return the values that an annotation other than a union allows."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return expectation(annotation)
@@ -163,7 +175,8 @@ def _of_one(annotation: object) -> Expectation:
 
 
 def _shapes(annotation: object) -> tuple[tuple[int, ...], ...]:
-    """The shape of a number, or of an array whose annotation fixes all sizes."""
+    """Return the shape of a number, or of an array whose annotation fixes all sizes, in a tuple;
+    an empty tuple if the shape is not known."""
     if annotation in (int, float):
         return ((),)
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]

@@ -27,8 +27,8 @@ FORMAT = 1
 """The version of the file format."""
 VERSION, STATE = "format", "state"
 MOST_ASSEMBLED = 50
-"""Bodies of a scene up to which their states may be omitted: to assemble a chain of 20 takes 20 s,
-and the time grows faster than the number of bodies."""
+"""Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
+20 bodies takes 20 s, and the time grows faster than the number of bodies."""
 FilePath: TypeAlias = str | PathLike[str]
 
 
@@ -41,12 +41,14 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
 
     **Arguments:**
 
-    - `path`: overwritten if it exists.
+    - `scene`, `state`: the mechanism and its state.
+    - `path`: path of the file, with the suffix ".toml" or ".json"; an existing file is overwritten.
     - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` with the location of a value that a file can't hold: a function, NaN,
-    or an object whose constructor does not make it again from its fields.
+    **Raises:** `ValueError` for another suffix, and for a value that a file can't hold: a function,
+    NaN, or an object that its class does not make again from its fields. The message names the
+    location of the value.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -122,10 +124,13 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     scene, state = cj.load("pendulum.toml", classes=[Quadratic])
     ```
 
-    **Arguments:** `classes`: user-defined classes that the file may name, as "Quadratic" or
-    "my_laws:Quadratic".
+    **Arguments:** `path`: path of the file; `classes`: user-defined classes that the file may name,
+    as "Quadratic" or "my_laws:Quadratic".
 
-    **Raises:** `ValueError` with the location, the value, the expected values and a remedy.
+    **Returns:** the scene and its state, complete for all bodies.
+
+    **Raises:** `ValueError` for content that does not describe a scene. The message names the
+    location in the file, the value found there, the expected values and a remedy.
     """
     require_classes(classes)
     document, location = read_document(Path(path))
@@ -135,7 +140,10 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 def _require_exact(
     text: str, saved: tuple[Scene, State], classes: Classes, location: FileLocation
 ) -> None:
-    """Check that a text gives exactly the saved scene and state."""
+    """Check that reading `text` restores exactly the scene and the state in `saved`.
+
+    **Raises:** `ValueError` that names the location of the first difference.
+    """
     document = parse(text, suffix_of(Path(location.file)), location.file)
     with quiet():
         read = scene_of_document(document, classes, location)
@@ -150,8 +158,11 @@ def _require_exact(
 
 
 def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
-    """The location of the first difference of two objects; ``None`` if they are equal. Arrays of
-    NumPy and of JAX are equal if shape, type and bits are."""
+    """Return the location of the first difference of two objects, ``None`` if they are equal.
+
+    Fields and entries are compared recursively; arrays of NumPy and JAX are equal if their shapes,
+    dtypes and bits are. `location` is the location of both objects.
+    """
     if isinstance(one, ARRAYS) and isinstance(other, ARRAYS):
         return None if _bits(one) == _bits(other) else location
     entries: Sequence[dict]
@@ -182,9 +193,12 @@ def _bits(value: object) -> tuple[object, ...]:
 def scene_of_document(
     document: Document, classes: Classes, location: FileLocation
 ) -> tuple[Scene, State]:
-    """The scene and its complete state from the tables of a file.
+    """Return the scene and its complete state that the tables of a file describe.
 
-    **Arguments:** `location`: that of the tables, for messages.
+    **Arguments:** `document`: the file's tables; `classes`: user-defined classes that it may name;
+    `location`: location of the tables, for messages.
+
+    **Raises:** `ValueError` as `load`.
     """
     version, version_location = document.get(VERSION, FORMAT), location.at(VERSION)
     expected = f"a whole number from 1 to {FORMAT}"
@@ -210,7 +224,10 @@ def scene_of_document(
 
 
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
-    """The given state, or an assembled one if the state of a body is missing."""
+    """Return `state`, or an assembled state if it has not all bodies of the scene.
+
+    **Raises:** `ValueError` if the joints do not determine the missing states.
+    """
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:
         return state
@@ -231,7 +248,8 @@ def _completed(scene: Scene, state: State, location: FileLocation) -> State:
 
 
 def _guess_state(scene: Scene, given: State) -> State:
-    """The given state, completed by the missing bodies at rest, parallel to the global frame.
+    """Return the given state with the missing bodies added, at rest and parallel to the global
+    axes.
 
     Joints are followed from the ground: the points that a joint brings together coincide. Bodies
     that no joint connects lie at the origin.
@@ -253,7 +271,8 @@ def _guess_state(scene: Scene, given: State) -> State:
 
 
 def _links(scene: Scene) -> Iterator[tuple[str, np.ndarray, str, np.ndarray]]:
-    """Pairs of bodies with a point of each that a joint brings together, in both orders."""
+    """Yield body, point, other body and other point for each two points, (3,) m in body axes, that
+    a joint brings together, in both orders."""
     for joint in scene.joints.values():
         points = [(body, np.asarray(point)) for _, body, point in joint.attachments()]
         if len(points) == 2:
@@ -262,7 +281,7 @@ def _links(scene: Scene) -> Iterator[tuple[str, np.ndarray, str, np.ndarray]]:
 
 
 def _global(body: str, point: np.ndarray, states: dict[str, BodyState]) -> np.ndarray:
-    """The global position of a point of a body."""
+    """Return the global position (3,), m, of a point of a body, (3,) m in body axes."""
     if body == GROUND:
         return point
     scalar, *vector = np.asarray(states[body].orientation)

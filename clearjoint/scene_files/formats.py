@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 Document: TypeAlias = dict[str, object]
 Units: TypeAlias = Mapping[Keys, str]
-"""Units of numbers, by the keys of their location."""
+"""Units of numbers, by the keys that lead to the number in the file."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
 LONGEST_LINE = 12
-"""Numbers of a list that are written in one line."""
+"""Largest number of entries of a list that TOML files have in one line."""
 DEEPEST = 32
 """Largest number of nested tables and lists in a file."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
@@ -29,9 +29,9 @@ LARGEST = 200_000_000
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix of a path.
+    """Return the suffix of a path, ".toml" or ".json".
 
-    **Raises:** `ValueError` unless it is .toml or .json.
+    **Raises:** `ValueError` for another suffix.
     """
     if path.suffix not in SUFFIXES:
         FileLocation(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
@@ -39,7 +39,8 @@ def suffix_of(path: Path) -> str:
 
 
 def read_document(path: Path) -> tuple[Document, FileLocation]:
-    """The tables of a file, and the location of their top level for messages.
+    """Read a TOML or JSON file; return its tables, and the location of their top level, which later
+    messages need.
 
     **Raises:** `ValueError` for a suffix other than .toml and .json, for bytes that are not UTF-8,
     for a file that is too large, and as `parse`.
@@ -59,7 +60,8 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
-    """The tables of a file's text.
+    """Return the tables of the text of a file; `suffix` is ".toml" or ".json", `file` the path for
+    messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
@@ -85,7 +87,7 @@ def parse(text: str, suffix: str, file: str) -> Document:
 
 
 def _is_deep(content: dict | list) -> bool:
-    """Whether more than `DEEPEST` tables and lists are nested."""
+    """Return whether more than `DEEPEST` tables and lists are nested."""
     # By level instead of recursion, whose depth Python limits.
     level = [content]
     for _ in range(DEEPEST + 1):
@@ -106,9 +108,10 @@ def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """The text of a file; TOML has units in comments.
+    """Return the text of a file with the given tables; TOML has the units in comments.
 
-    **Arguments:** `schema`: the name of the JSON Schema file, which editors use.
+    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the numbers; `schema`: name of
+    the JSON Schema file to which the text refers for editors, or None.
     """
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}

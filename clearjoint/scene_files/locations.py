@@ -1,4 +1,4 @@
-"""Locations in a file, and the errors about the values there."""
+"""Name locations in a file, and raise errors about the values there."""
 
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -7,15 +7,18 @@ from typing import NoReturn, TypeAlias
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
 LONGEST = 60
-"""Characters of a value that an error message shows."""
+"""Largest number of characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
-"""Characters of a file up to which error messages name lines."""
+"""Error messages name lines of TOML files with at most this number of characters."""
 
 
 class Source:
-    """The text of a file, in which the lines of keys are found.
+    """The text of a file, to find the line of a value for error messages.
 
-    `changes`: values that the command line replaced, such as "joints.pin.clearance=2mm", by keys.
+    - `changes`: changes by the command line, such as "joints.pin.clearance=2mm", by the keys of the
+      changed value.
+
+    **Arguments:** `suffix`: ".toml" or ".json"; lines are only found in TOML.
     """
 
     def __init__(self, text: str, suffix: str):
@@ -23,7 +26,8 @@ class Source:
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """The line of the statement that sets a key, or its closest table; empty if unknown."""
+        """Return a text that tells where the value at `keys` is set: ", line 12" of the statement
+        that sets it or the closest table, or " with --set …"; empty if unknown."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -35,7 +39,8 @@ class Source:
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
-        """The first line of the statement that sets an existing key."""
+        """Return the number, from 1 on, of the first line of the statement that sets an existing
+        key."""
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
@@ -73,7 +78,12 @@ def _has(tables: object, keys: Keys) -> bool:
 
 
 class FileLocation:
-    """Location of a value: a file, the keys that lead to the value, and the file's text."""
+    """Location of a value in a file.
+
+    - `file`: path of the file.
+    - `keys`: keys of tables and indices of lists that lead to the value.
+    - `source`: text of the file, if known.
+    """
 
     def __init__(self, file: str, keys: Keys = (), source: Source | None = None):
         self.file = file
@@ -81,7 +91,7 @@ class FileLocation:
         self.source = source
 
     def at(self, *keys: str | int) -> "FileLocation":
-        """The location of an entry below this one."""
+        """Return the location of the entry to which further `keys` lead."""
         return FileLocation(self.file, (*self.keys, *keys), self.source)
 
     def __str__(self) -> str:
@@ -90,12 +100,14 @@ class FileLocation:
         return f"{self.file}{where}, `{path}`" if path else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
-        """Raise a ``ValueError`` about the value at this location."""
+        """Raise a `ValueError` that names this location, the value found there, what was expected,
+        and what to do."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
 
 def _shown(value: object) -> str:
-    """A value for a message; a long table or list is cut between entries, a text at `LONGEST`."""
+    """Return the text of a value for a message; long tables and lists are cut between entries,
+    other values after `LONGEST` characters."""
     if isinstance(value, Mapping):
         return f"a table with {_shown(list(value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and value:
@@ -118,5 +130,5 @@ def _step(key: str | int) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Names for a message, in alphabetical order."""
+    """Return names as a text for a message, in alphabetical order; "none" without names."""
     return ", ".join(sorted(names)) or "none"

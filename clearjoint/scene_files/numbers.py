@@ -1,4 +1,4 @@
-"""Numbers with units as text: "0.5 mm", "207 GPa"."""
+"""Convert texts such as "0.5 mm" and "207 GPa" to numbers in SI units."""
 
 import math
 import re
@@ -15,10 +15,13 @@ LONGEST = 200
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """The number of a text in the SI unit, rounded once: "0.3 mm" is exactly the float 3e-4.
+    """Return the number of a text such as "0.3 mm" in an SI unit. It is rounded once: "0.3 mm" is
+    exactly the float 3e-4.
 
-    **Raises:** `ValueError` for text without a number, for a unit of another dimension, and for a
-    unit where none is declared.
+    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: for messages.
+
+    **Raises:** `ValueError` for a text without a number, for a unit of another dimension than
+    `unit`, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
     matched = NUMBER.fullmatch(text) if len(text) <= LONGEST else None

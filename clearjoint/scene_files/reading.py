@@ -1,4 +1,4 @@
-"""Make objects from the tables of a file, as the arguments of their constructors expect."""
+"""Make objects from the tables of a file, whose entries are the arguments of constructors."""
 
 import math
 import re
@@ -27,17 +27,24 @@ ROTATION = {
 }
 """Entries of a table that may replace Euler parameters."""
 ABSENT = "none"
-"""The text for ``None`` where that is not the default."""
+"""Text that stands for ``None``, which TOML does not have."""
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Makes objects of the package's classes and of the given ones."""
+    """Makes objects from the content of a file.
+
+    - `classes`: user-defined classes that the file may name, besides those of the package.
+    """
 
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """The object, container, number or text of a file's content at a location."""
+        """Return the Python value of the content of a file at a location: an object, a tuple, a
+        dictionary, a number or a text.
+
+        **Raises:** `ValueError` if the content is not as expected.
+        """
         value = self._item(content, expected, location)
         rows = value if isinstance(value, tuple) else ()
         is_number = isinstance(value, int | float | tuple) and not any(map(is_dataclass, rows))
@@ -86,7 +93,7 @@ class Reader:
         return {key: self.value(item, inner, location.at(key)) for key, item in content.items()}
 
     def _rotation(self, content: Mapping, location: FileLocation) -> object:
-        """Euler parameters of an axis and an angle."""
+        """Return the Euler parameters, four numbers, of a table with `axis` and `angle`."""
         given = {}
         for name, expected in ROTATION.items():
             if name not in content:
@@ -104,7 +111,8 @@ class Reader:
     def _class(
         self, content: Mapping, expected: Expectation, location: FileLocation
     ) -> tuple[type, str]:
-        """The class of a table, and the name of the factory method if `kind` names one."""
+        """Return the class of which a table describes an object, and the name of the static method
+        that makes it, "" for the constructor."""
         if KIND in content:
             kind_location = location.at(KIND)
             return find_factory(content[KIND], expected.classes, self.classes, kind_location)
@@ -125,8 +133,13 @@ class Reader:
 
         **Arguments:**
 
-        - `other_keys`: further keys that the file may have at the location, for messages.
-        - `factory`: name of a factory method to call instead of the constructor.
+        - `kind`: the class.
+        - `content`: arguments by name, as read from the file.
+        - `location`: location of the table.
+        - `other_keys`: keys that the table of the file has had besides `content`, for messages.
+        - `factory`: name of a static method to call instead of the constructor.
+
+        **Raises:** `ValueError` for unknown and missing arguments, and for wrong values.
         """
         known = arguments(kind, factory)
         given = {}
@@ -155,13 +168,16 @@ class Reader:
 
 
 def _is_plain(item: object) -> bool:
-    """Whether an entry of a list is a finite number, which needs no conversion."""
+    """Return whether an entry of a list is a finite number, which needs no conversion."""
     return type(item) in (int, float) and abs(item) <= sys.float_info.max  # pyright: ignore
 
 
 def _argument_location(error: Exception, content: object, location: FileLocation) -> FileLocation:
-    """The location of the argument that a constructor's error names first, or the closest one in
-    the file: `joints.pin.first` for "Argument `joints['pin'].first` must be ..."."""
+    """Return the location of the argument that the message of a constructor's error names.
+
+    This is `joints.pin.first` for "Argument `joints['pin'].first` must be ...", or the closest
+    table around it that the file has.
+    """
     named = re.match(r"Argument `([^`]+)`", str(error))
     for quoted, bare in re.findall(r"\['([^']*)'\]|(\w+)", named[1] if named else ""):
         if not isinstance(content, Mapping) or (quoted or bare) not in content:
@@ -173,8 +189,8 @@ def _argument_location(error: Exception, content: object, location: FileLocation
 def _require_class(
     stored: object, given: object, expected: Expectation, location: FileLocation
 ) -> None:
-    """Check that the constructor has stored an object of an expected class, or numbers where these
-    are allowed instead: not every constructor checks."""
+    """Raise `ValueError` unless `stored`, which a constructor has made of `given`, is an object of
+    an expected class, or numbers where these are allowed: not every constructor checks."""
     is_number = bool(expected.shapes) and isinstance(stored, np.ndarray | tuple)
     if not expected.classes or stored is None or is_number:
         return
@@ -184,7 +200,8 @@ def _require_class(
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """The member of an enumeration, the text, or the number that a text stands for."""
+    """Return the member of an enumeration, the text, the number or the None for which a text
+    stands."""
     if expected.options is not None:
         names = list(expected.options.__members__)
         if content not in names:

@@ -1,4 +1,4 @@
-"""JSON Schema of scene files, with which editors complete and check them."""
+"""Make the JSON Schema of scene files, with which editors complete and check them."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -14,7 +14,7 @@ Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER: Schema = {"type": ["number", "string"]}
 ROWS = "numbers"
-"""Name of the definition of nested lists of numbers."""
+"""Name, in the schema, of the definition of a number or of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
@@ -37,7 +37,7 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
 
 def scene_properties(catalogue: "Catalogue") -> Schema:
-    """Schemas of the top-level keys of a scene file."""
+    """Return the schemas of the top-level keys of a scene file, by key."""
     return {
         "format": {"type": "integer", "minimum": 1, "description": "version of the file format"},
         **catalogue.properties(Scene),
@@ -47,7 +47,11 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Schemas of classes by name. Each is added when a reference to it is first made."""
+    """Schemas of classes; the schema of a class is added when another one first refers to it.
+
+    - `classes`: user-defined classes that files may name, besides those of the package.
+    - `definitions`: schemas by the name of the class in files.
+    """
 
     classes: Classes
     definitions: Schema = field(
@@ -55,12 +59,14 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """The schema of a file with these top-level keys."""
+        """Return the whole schema of a file; `properties` are the schemas of its top-level keys,
+        `required` the keys that it must have."""
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, kind: type, factory: str = "") -> Schema:
-        """Schemas of the arguments of a class, or of one of its factory methods, by name."""
+        """Return the schemas of the arguments of a class's constructor, or of its static method
+        named `factory`, by name."""
         known = arguments(kind, factory).items()
         return {name: self._argument(argument) for name, argument in known}
 
@@ -130,7 +136,8 @@ def _reference(name: str) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Numbers, or texts with units, of one of the shapes; of any shape if none is known."""
+    """Return the schema of numbers, or texts with units, in one of the given shapes; in any shape
+    if `shapes` is empty."""
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
     schemas = []

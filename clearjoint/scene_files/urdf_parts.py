@@ -1,7 +1,8 @@
-"""Bodies, frames and joints of a scene from the links and joints of a URDF file.
+"""Convert the links and joints of a URDF file to bodies and joints of a scene.
 
-URDF gives a joint's frame, which is that of its child link, in the frame of the parent link. The
-frame of a body is parallel to its link's and lies in the centre of mass.
+A link of URDF has a frame, and a joint of URDF gives the frame of its child link relative to the
+frame of its parent link. The frame of a body is parallel to the frame of its link, and its origin
+is the centre of mass.
 """
 
 from collections.abc import Mapping
@@ -22,21 +23,22 @@ if TYPE_CHECKING:
     import yourdfpy
 
 Play: TypeAlias = Mapping[str, PyTree]
-"""Arguments of a `ClearanceJoint` by name."""
+"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name."""
 HINGES = "revolute", "continuous"
 DIGITS = 15
-"""Decimals of rotation matrices: rounding restores the exact zeros of a quarter turn, which make
-the compiled program smaller."""
+"""Number of decimals to which rotation matrices are rounded. Rounding restores the exact zeros of a
+quarter turn, which make the compiled program smaller."""
 
 
 @dataclass(frozen=True)
 class Frame:
     """The frame of a link, relative to its body and to the ground.
 
-    - `body`: name of the body that the link belongs to.
-    - `origin`: (3,) m, from the body's centre of mass, in the body's axes.
-    - `rotation`: (3, 3), link to body.
-    - `pose`: (4, 4), link to ground, with all joints at zero.
+    - `body`: name of the body to which the link belongs.
+    - `origin`: (3,) m in body axes, from the body's centre of mass to the origin of the frame.
+    - `rotation`: (3, 3), rotation matrix from the link's to the body's axes.
+    - `pose`: (4, 4), homogeneous matrix from the link's to global axes, m, if all joints are at
+      zero.
     """
 
     body: str
@@ -46,7 +48,8 @@ class Frame:
 
 
 def child_frame(joint: "yourdfpy.Joint", parent: Frame, link: "yourdfpy.Link") -> Frame:
-    """The frame of a joint's child link; a link without mass belongs to the parent's body."""
+    """Return the frame of the child `link` of a joint, given the frame of the parent link. A link
+    without mass belongs to the parent's body."""
     moved = transform(joint.origin)
     pose = parent.pose @ moved
     if is_massless(link):
@@ -58,17 +61,20 @@ def child_frame(joint: "yourdfpy.Joint", parent: Frame, link: "yourdfpy.Link") -
 
 
 def root_frame() -> Frame:
-    """The frame of the root link, which is the ground."""
+    """Return the frame of the root link, which is that of the ground."""
     return Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))
 
 
 def is_massless(link: "yourdfpy.Link") -> bool:
-    """Whether a link has no mass."""
+    """Return whether a link has no mass."""
     return link.inertial is None or not link.inertial.mass
 
 
 def body_of(link: "yourdfpy.Link", location: FileLocation) -> Body:
-    """The body of a link with mass, in axes parallel to the link's frame."""
+    """Return the body for a link with mass; body axes are parallel to the link's frame.
+
+    **Raises:** `ValueError` for a missing or invalid inertia.
+    """
     inertial = link.inertial
     assert inertial is not None
     if inertial.inertia is None:
@@ -83,7 +89,7 @@ def body_of(link: "yourdfpy.Link", location: FileLocation) -> Body:
 
 
 def transform(origin: np.ndarray | None) -> np.ndarray:
-    """The (4, 4) matrix of an <origin>; without one, the identity."""
+    """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
     if origin is None:
         return np.eye(4)
     matrix = np.array(origin, dtype=float)
@@ -92,7 +98,7 @@ def transform(origin: np.ndarray | None) -> np.ndarray:
 
 
 def euler_parameters(rotation: np.ndarray) -> np.ndarray:
-    """(4,), scalar first, of a (3, 3) rotation."""
+    """Return the Euler parameters (4,), scalar first, of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
@@ -101,8 +107,15 @@ def euler_parameters(rotation: np.ndarray) -> np.ndarray:
 def joint_of(
     joint: "yourdfpy.Joint", frames: Mapping[str, Frame], play: Play | None, location: FileLocation
 ) -> AbstractConstraint | AbstractContactJoint | None:
-    """The joint between two bodies; ``None`` for a floating joint, and if both links belong to the
-    same body."""
+    """Return the joint of the scene for a joint of URDF.
+
+    **Arguments:** `frames`: frames of the links by name; `play`: arguments of a `ClearanceJoint`
+    that replaces the joint, None for an ideal joint.
+
+    **Returns:** the joint; ``None`` for a floating joint, and if both links belong to one body.
+
+    **Raises:** `ValueError` for a type without counterpart, and for invalid numbers.
+    """
     parent, child = frames[joint.parent], frames[joint.child]
     if parent.body == child.body or joint.type == "floating":
         return None

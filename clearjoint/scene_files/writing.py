@@ -1,4 +1,4 @@
-"""Make the tables of a file from objects."""
+"""Make the tables of a file from a scene, a state and other objects."""
 
 import math
 from collections.abc import Mapping
@@ -18,14 +18,22 @@ from .reading import ABSENT, KIND
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts objects to tables, and collects the units of numbers by keys, and the user-defined
-    classes."""
+    """Converts objects to tables.
+
+    - `units`: units of the converted numbers, by the keys that lead to them.
+    - `user_classes`: user-defined classes of the converted objects.
+    """
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """The arguments with which the constructor makes the object again."""
+        """Return the table of the arguments with which the constructor makes the object again;
+        defaults that are None or empty are left out.
+
+        **Raises:** `ValueError` for arguments that the object does not store, and for values that a
+        file can't hold.
+        """
         if not is_from_package(type(instance)):
             self.user_classes.add(type(instance))
         entries: dict[str, object] = {}
@@ -44,7 +52,7 @@ class Writer:
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
-        """A value as number, text, list or table."""
+        """Return a value as number, text, list or table, and note its unit."""
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         if expected.unit is not None:
@@ -69,7 +77,8 @@ class Writer:
 
 
 def _is_default(value: object, argument: Argument) -> bool:
-    """Whether a value is the constructor's default: ``None``, or an empty table."""
+    """Return whether a value is an argument's default and can be left out: ``None``, or an empty
+    table."""
     if argument.is_required:
         return False
     if value is None:

@@ -1,6 +1,6 @@
-"""Conformance checks of user-defined contact laws, friction laws and constraints.
+"""Check user-defined contact laws, friction laws and constraints.
 
-Each check raises an ``AssertionError`` with the first problem. Call them in a test.
+Each function raises an `AssertionError` that states the first problem. Call it in a test.
 """
 
 import warnings
@@ -26,10 +26,14 @@ from .law_sensitivities import complaints_of_sensitivities
 from .moving_bodies import moved
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
+"""Penetrations at which laws are tested, m; gaps are negative."""
 RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
+"""Penetration rates at which laws are tested, m/s."""
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
+"""Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""Largest distance from the onset, m and relative to the onset offset, of a jump at the onset."""
+"""A jump of the force counts as one at the onset if its depth differs from that of the onset by at
+most this fraction of the onset offset, or of 1e-9 m if the offset is smaller."""
 
 
 Points: TypeAlias = Float[jax.Array, " N"]
@@ -37,7 +41,7 @@ Points: TypeAlias = Float[jax.Array, " N"]
 
 
 def ensure(condition: Condition, message: str) -> None:
-    """Raise an `AssertionError` with the message unless all of the condition holds."""
+    """Raise an `AssertionError` with `message` unless all elements of `condition` are true."""
     if not bool(jnp.all(condition)):
         raise AssertionError(message)
 
@@ -45,20 +49,27 @@ def ensure(condition: Condition, message: str) -> None:
 def check_law(
     law: AbstractContactLaw, bearing_radius: float = 10e-3, clearance: float = 0.5e-3
 ) -> None:
-    """Check that a normal contact law is consistent.
+    """Check that a contact law for the normal force is consistent.
 
-    - The force is finite, not negative, and zero before the onset.
-    - The stored energy is the integral of the elastic force; the rest of the force dissipates.
-    - Derivatives by depth, rate, entry speed and each parameter are finite, and agree with finite
-      differences.
-    - The force doesn't jump except at the onset and at separation, where integration steps end. A
-      jump there must be declared (`AbstractContactLaw.force_jumps`) and issues a `UserWarning`.
-    - With an unknown entry speed the contact is elastic.
+    The check evaluates the law for penetrations up to 10 µm, penetration rates up to 1 m/s and
+    entry speeds up to 10 m/s. It demands that
+
+    - the force is finite, not negative, and zero before the onset;
+    - the stored energy is the integral of the elastic force over the penetration, and the
+      difference of force and elastic force dissipates energy;
+    - the derivatives of the force by penetration, rate, entry speed and each parameter of the law
+      are finite, and agree with finite differences;
+    - the force jumps only at the onset and at separation, where integration steps end. The law must
+      declare such a jump (`AbstractContactLaw.force_jumps`), and the check warns of it;
+    - the force is the elastic force if the entry speed is unknown;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `law`. `bearing_radius` and radial `clearance`: m, for stiffnesses that use them.
+    **Arguments:** `law`: the contact law; `bearing_radius`, `clearance`: radius of the bearing and
+    radial clearance, m, for stiffnesses that depend on them.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the first problem.
+
+    **Warns:** `UserWarning` for a declared jump at the onset or at separation.
 
     >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
@@ -135,7 +146,10 @@ def _check_jumps(force: Callable[..., Points], law: AbstractContactLaw) -> None:
 
 
 def _warn_of_edge(law: AbstractContactLaw, sizes: Points, rate: Points) -> None:
-    """Check and report jumps of the force at the onset and at separation, for several rates."""
+    """Check that the law declares jumps of the force at the onset and at separation, and warn.
+
+    **Arguments:** `sizes`: (N,) N, of the jumps; `rate`: (N,) m/s, their penetration rates.
+    """
     k = int(jnp.argmax(jnp.abs(sizes)))
     if sizes[k] == 0.0:
         return
@@ -153,7 +167,7 @@ def _warn_of_edge(law: AbstractContactLaw, sizes: Points, rate: Points) -> None:
 
 
 def _grid(*rows: tuple[float, ...]) -> list[Points]:
-    """Return all combinations of the rows' values, a flat array for each row."""
+    """Return all N combinations of one value of each row, as one array (N,) for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 
@@ -195,13 +209,15 @@ def _check_derivatives(
 
 
 def check_friction(friction: AbstractFriction) -> None:
-    """Check that a friction law is consistent.
+    """Check that a friction law without bristles is consistent.
 
-    - Friction opposes the slip, vanishes without slip, and doesn't jump.
-    - Derivatives by slip and parameters are finite, even at rest.
+    The check evaluates the law for slips up to 1 m/s. It demands that
+
+    - the friction opposes the slip, is zero without slip, and doesn't jump;
+    - the derivatives by the slip and by the parameters of the law are finite, even without slip;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the first problem.
 
     >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
@@ -232,14 +248,18 @@ def check_friction(friction: AbstractFriction) -> None:
 
 
 def check_bristles(friction: AbstractBristleFriction) -> None:
-    """Check that a bristle friction law is consistent.
+    """Check that a friction law with bristles is consistent.
 
-    - The deflection is constant without slip and bounded during sliding.
-    - The stored energy is never negative.
-    - Derivatives by deflection, slip and parameters are finite, even at rest.
+    The check evaluates the law for bristle deflections up to ten times the full deflection and
+    slips up to 1 m/s. It demands that
+
+    - the deflection is constant without slip, and shrinks in sliding if it is too large;
+    - the stored energy is zero without deflection and never negative;
+    - the derivatives by the deflection, the slip and the parameters of the law are finite, even
+      without slip;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the first problem.
 
     >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """
@@ -306,15 +326,17 @@ def _check_bristle_derivatives(
 def check_constraint(
     constraint: AbstractConstraint, motions: dict[str, Motion], tolerance: float = 1e-6
 ) -> None:
-    """Check the Jacobian, time rate and bias of a joint's rows against central differences.
+    """Check the constraint rows of a joint: Jacobian, time rate and bias agree with central
+    differences in time.
 
     **Arguments:**
 
     - `constraint`: the joint.
-    - `motions`: of its bodies; translating and rotating bodies make the strictest test.
-    - `tolerance`: relative.
+    - `motions`: motion of each body of the joint at time 0, from `moving`, by the body's name;
+      include "ground" if the joint has it. Translating and rotating bodies make the strictest test.
+    - `tolerance`: largest accepted difference, relative to one plus the size of the rate.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the row and the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
@@ -341,6 +363,8 @@ def check_constraint(
         _check_bias(label, row, motions, (behind[label], ahead[label]), step, tolerance)
 
 
+# The bias is the rate of a row's value rate at constant velocities: the part of the second time
+# derivative that accelerations do not cause.
 def _check_bias(
     label: str,
     row: Row,

@@ -1,4 +1,4 @@
-"""Conformance check of user-defined contact joints."""
+"""Check user-defined joints with contacts."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,21 +17,26 @@ from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from .conformance import ensure
 
 TOLERANCE = 1e-9
-"""Tolerance of exact relations, relative to their terms; lengths in m count as at least one."""
+"""Largest accepted error of exact relations, relative to one plus the size of their terms."""
 STEP, TOLERANCE_OF_DIFFERENCES = 1e-6, 1e-5
-"""Relative step of finite differences, and relative tolerance of derivatives."""
+"""Step of finite differences relative to the changed number, and largest accepted relative error of
+derivatives."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Penetration, m, and entry speed, m/s, of a tested contact."""
 
 Rows: TypeAlias = dict[str, jax.Array]
-"""An array of numbers of each contact."""
+"""Array of numbers of each contact, by the contact's label."""
 Contacts: TypeAlias = dict[str, tuple[LoadedContact, Scalar]]
-"""Each contact with its forces, and its stored energy, J."""
+"""Contact with its forces, and its stored energy in J, by the contact's label."""
 
 
 class _Evaluation(NamedTuple):
-    """Result at a point: failed conditions by message, the contacts' numbers, and their derivatives
-    along a change."""
+    """Result at one point, a vector of the joint's parameters and the motions.
+
+    - `failures`: for each contact, whether a condition fails, by message.
+    - `rows`: numbers of each contact, see `_rows`.
+    - `slopes`: derivatives of `rows` along a change of the point.
+    """
 
     failures: ByLabel[Condition]
     rows: Rows
@@ -41,15 +46,18 @@ class _Evaluation(NamedTuple):
 def check_contact_joint(
     joint: AbstractContactJoint, motions: Mapping[str, Motion], together: bool = True
 ) -> None:
-    """Check that a contact joint is consistent.
+    """Check that a joint with contacts is consistent.
 
-    - Normals are unit vectors, and the rate of each penetration is its time derivative.
-    - The forces on both bodies are equal and opposite on one line, or equal and opposite couples.
-      Their power agrees with the rate of the penetration, and that of the elastic force with the
-      rate of the stored energy.
-    - The slip is tangential. Friction is perpendicular to the normal and opposes sliding.
-    - Derivatives by motions and parameters are finite, and the derivative of the penetration by
-      each parameter agrees with finite differences.
+    The check demands that
+
+    - normals are unit vectors, and the rate of each gap is the time derivative of its penetration;
+    - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
+    - the power of the normal force agrees with the penetration rate, and the power of the elastic
+      force with the rate of the stored energy;
+    - the slip is the tangential velocity of the surfaces, and friction is perpendicular to the
+      normal and opposes sliding;
+    - derivatives by motions and parameters are finite, and the derivative of the penetration by
+      each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
 
     The joint is tested at the given motions, at the onset of each contact, a micrometre deeper,
@@ -58,11 +66,13 @@ def check_contact_joint(
     **Arguments:**
 
     - `joint`: the joint.
-    - `motions`: of its bodies, as returned by `moving`; the ground may be omitted. Translating and
-      rotating bodies, less than a centimetre from contact, make the strictest test.
-    - `together`: whether the attachment points can coincide; ``False`` for the centres of gears.
+    - `motions`: motion of each body of the joint, from `moving`, by the body's name; the ground may
+      be omitted. Translating and rotating bodies, less than a centimetre from contact, make the
+      strictest test.
+    - `together`: whether the attachment points on both bodies can coincide, so that the joint is
+      tested there too; ``False`` for the centres of gears.
 
-    **Raises:** `AssertionError` with the contact and the first problem.
+    **Raises:** `AssertionError` that states the contact and the first problem.
 
     >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
@@ -148,7 +158,9 @@ def _check_names(joint: AbstractContactJoint, motions: Motions) -> None:
 
 
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """Return the given motions, with the body also moved to contacts, and all of them at rest."""
+    """Return the motions at which the joint is tested: the given ones, those with the second body
+    shifted to the onset of each contact, 1 µm deeper, and to coincident attachment points if
+    `together`, and all of these again at rest."""
     moving, scalar = [motions], unpack(joint)
     for contact in scalar.contacts(motions).values():
         for depth in (0.0, PENETRATION):
@@ -166,7 +178,8 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:
-    """Return the motions with the second body shifted relative to the first, m, global."""
+    """Return the motions with the second body shifted relative to the first by `shift`, m in
+    global axes; if the second body is the ground, the first one is shifted back instead."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
     moved = replace(motions[name], position=motions[name].position + shift)
@@ -190,7 +203,10 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Return for each contact whether conditions fail, by message; `rates` are time derivatives."""
+    """Return for each contact whether each condition fails, by the condition's message.
+
+    **Arguments:** `rates`: time derivatives of `contacts`.
+    """
     first, second = (motions[name] for name in joint.pair())
     has_bristles, failures = joint.bristle_laws(), {}
     for label, (loaded, _) in contacts.items():
@@ -207,7 +223,11 @@ def _failures(
 
 
 def _gap_failures(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
-    """Check a contact whose depth has the rate `rate`, m/s, and its energy the rate `power`, W."""
+    """Return failures of the normal, of the penetration rate and of the stored energy of a contact.
+
+    **Arguments:** `rate`: time derivative of the penetration, m/s; `power`: of the stored energy,
+    W.
+    """
     gap, normal = loaded.contact.gap, loaded.contact.normal
     size = normal.dot(normal)
     flies_centred = (size == 0.0) & (gap.depth < 0.0)
@@ -281,7 +301,8 @@ def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Return for each contact penetration, m, forces, N, normal, and points, m, as an array."""
+    """Return an array (15,) for each contact: penetration, m; normal force and elastic force, N;
+    friction, N; normal; and arms of the contact on the first and the second body, m."""
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
@@ -302,17 +323,20 @@ def _velocities(motions: Motions) -> Motions:
 
 
 def _rates(motion: Motion) -> Matrix:
-    """Return the rate of the rotation matrix, A' = A ~spin."""
+    """Return the time derivative of the rotation matrix A, 1/s: A times the cross-product matrix of
+    the spin in body axes."""
     rotation, spin = motion.rotation, motion.spin
     return Matrix(*(row.cross(spin) for row in (rotation.row_x, rotation.row_y, rotation.row_z)))
 
 
 def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.Array:
-    """Return whether two numbers differ by more than the relative tolerance, or are not finite."""
+    """Return whether `first` and `second` differ by more than `allowed` times (1 + |second|), or
+    are not finite."""
     return ~(jnp.abs(first - second) <= allowed * (1.0 + jnp.abs(second)))
 
 
 def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Return whether a vector, a sum of terms of a size, differs from zero."""
+    """Return whether the length of a vector exceeds the tolerance times (1 + `size`), where `size`
+    is that of the terms of which the vector is the sum."""
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

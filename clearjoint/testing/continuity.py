@@ -1,4 +1,4 @@
-"""Detection of jumps of a scalar function in an interval."""
+"""Find jumps of scalar functions in intervals."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,16 +8,22 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 PIECES = 64
+"""Number of pieces into which each interval is divided."""
 HALVINGS = 100
+"""Number of bisections of each piece."""
 ROUNDING = 1e-9
-"""Change relative to the function's values below which it counts as rounding."""
+"""A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
-"""Ratio of the final change to the change after half the bisections, above which it is a jump."""
+"""The change that remains after all bisections is a jump if it exceeds this fraction of the change
+after half of them."""
 
 
 class Jumps(NamedTuple):
-    """The largest jump in each of N intervals: its signed size, zero without a jump, and its
-    position."""
+    """The largest jump of a function in each of N intervals.
+
+    - `sizes`: value on the right minus value on the left of the jump; zero without a jump.
+    - `positions`: arguments at which the function jumps.
+    """
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
@@ -45,7 +51,8 @@ def jumps(
     infinite slope, such as a square root, it would have decreased. A jump smaller than the change
     by the slope within a piece may be missed.
 
-    **Arguments:** `function`: of (N,) arguments, one in each interval. `left`, `right`: (N,).
+    **Arguments:** `function`: returns values (N,) for arguments (N,), of which the k-th lies in the
+    k-th interval; `left`, `right`: ends of the intervals, (N,).
     """
     ends = jnp.linspace(left, right, PIECES + 1)
     values = jax.vmap(function)

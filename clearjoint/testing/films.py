@@ -1,4 +1,4 @@
-"""Conformance check of user-defined films."""
+"""Check user-defined film laws."""
 
 from collections.abc import Callable, Iterator
 
@@ -13,18 +13,20 @@ from ..model.film.laws import AbstractFilm, FilmGap
 from .continuity import jumps
 
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
+"""Tested offsets of the journal, in clearances."""
 SPEEDS = (0.0, 1e-6, 1.0, 300.0)
+"""Tested rates of the offset, in clearances per second."""
 ANGLES = tuple(np.arange(12) * np.pi / 6.0)
-"""Angles between rate and offset, rad."""
+"""Tested angles between the offset and its rate, rad."""
 SMOOTH = ((0.4, 0.0, 3.0, -7.0), (0.7, 0.0, -2.0, 5.0))
-"""Offsets and rates at which films are smooth."""
+"""States at which films are smooth: x and y of the offset, x and y of its rate."""
 STEP = 1e-6
-"""Step of finite differences, relative to the number."""
+"""Step of finite differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Tolerance of a derivative, relative to the largest of its row."""
+"""Largest accepted error of a derivative, relative to the largest derivative of the same force."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
-"""Function that returns the force of a film, (2,) N, for the components of offset and rate,
-(4,)."""
+"""Function of a film and a state (4,), the x and y of the journal's offset and of its rate; it
+returns the x and y of the force on the journal, (2,) N."""
 
 
 def check_film(
@@ -35,15 +37,21 @@ def check_film(
 ) -> None:
     """Check that a film law is consistent.
 
-    - The film dissipates energy, and exerts no force without motion.
-    - Force and derivatives, including those by the film's parameters, are finite at zero offset and
-      zero rate. Elsewhere the derivatives agree with finite differences.
-    - The force rotates with offset and rate, and doesn't jump.
+    The check evaluates the film for offsets of the journal from zero to 0.99 clearances and various
+    rates of the offset. It demands that
+
+    - the film dissipates energy, and exerts no force without motion;
+    - the force and its derivatives by offset, rate and parameters of the film are finite, even at
+      zero offset and zero rate; elsewhere the derivatives by offset and rate agree with finite
+      differences;
+    - the force turns with offset and rate if these are turned about the axis, and doesn't jump;
+    - the drag is finite and opposes the spin;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `film`: the law. `bearing_radius`, radial `clearance` and `length`: m.
+    **Arguments:** `film`: the law; `bearing_radius`, `clearance` (radial), `length`: of the
+    bearing, m.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the first problem.
 
     >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
@@ -52,7 +60,8 @@ def check_film(
 
 
 def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield the problems of a film; `sizes` are bearing radius, clearance and length, m."""
+    """Yield a message for each problem of a film; `sizes` are the bearing's radius, radial
+    clearance and length, m."""
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
@@ -67,7 +76,8 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
-    """Return a compiled function of a film and rows of states from a function of one state."""
+    """Turn a function of a film and a state (4,) into a compiled function of a film and states
+    (N, 4)."""
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
@@ -93,14 +103,14 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _states() -> jax.Array:
-    """Return offsets and rates, (N, 4), for all ratios, speeds and angles between them."""
+    """Return states (N, 4) with all combinations of `RATIOS`, `SPEEDS` and `ANGLES`."""
     ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
     columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
     return _rotated(jnp.asarray(np.stack(columns, axis=1)), 0.3)
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Return pairs of components, (N, 2) or (N, 4), rotated about the axis by an angle in rad."""
+    """Return the x and y components in `rows`, (N, 2) or (N, 4), turned by `angle`, rad."""
     c, s = np.cos(angle), np.sin(angle)
     pairs = rows.reshape(len(rows), -1, 2)
     return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
@@ -133,7 +143,8 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield jumps of the force along the offset during a full rotation of the rate's direction."""
+    """Yield a message if the force along the offset jumps while the direction of the rate makes a
+    full turn."""
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:

@@ -1,4 +1,4 @@
-"""Conformance check of user-defined force elements."""
+"""Check user-defined force elements."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,6 +17,7 @@ from .moving_bodies import moved
 STEP = 1e-5
 """Step of the central differences, s."""
 Wrenches = dict[str, Wrench]
+"""Force and moment on each body, by the body's name."""
 
 
 def check_force(
@@ -24,20 +25,23 @@ def check_force(
 ) -> None:
     """Check that a force element is consistent at given motions.
 
-    - Forces between bodies are equal and opposite. A force on the ground is compared if the element
-      returns one, although runs ignore it.
-    - The power supplied by the bodies and from outside is the rate of the stored energy.
-    - Derivatives by motions and parameters are finite, even at rest.
+    The check demands that
+
+    - forces and moments on the bodies add up to zero, if the element returns them for all of its
+      bodies (those on the ground, which runs ignore, may be missing);
+    - the supplied power minus the power on the bodies is the rate of the stored energy;
+    - derivatives by motions and parameters are finite, even at rest;
     - `jax.vmap` gives the same result as a single evaluation.
 
     **Arguments:**
 
     - `force`: the element.
-    - `motions`: of its bodies; translating and rotating bodies make the strictest test.
-    - `time`: s, not a breakpoint of the element.
-    - `tolerance`: relative.
+    - `motions`: motion of each body of the element, from `moving`, by the body's name; include
+      "ground" if the element has it. Translating and rotating bodies make the strictest test.
+    - `time`: time of evaluation, s, which must not be a breakpoint of the element.
+    - `tolerance`: largest accepted relative error of the balances of force and energy.
 
-    **Raises:** `AssertionError` with the first problem.
+    **Raises:** `AssertionError` that states the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),

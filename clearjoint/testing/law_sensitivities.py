@@ -1,4 +1,4 @@
-"""Check of a contact law's derivatives by rate, entry speed and parameters against differences."""
+"""Compare a contact law's derivatives by rate, entry speed and parameters with differences."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,16 +16,20 @@ POINTS = (
     (7e-6, 0.9, 10.0),
     (7e-6, -3e-3, 10.0),
 )
-"""Depths in m, rates and entry speeds in m/s away from clamps and floors, where laws are smooth."""
+"""Tested points at which usual laws are smooth: penetration, m, penetration rate, m/s, and entry
+speed, m/s."""
 STEP = 1e-6
-"""Step of finite differences, relative to the number."""
+"""Step of finite differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Tolerance of a derivative, relative to itself and to a thousandth of the force."""
+"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force."""
 Force = Callable[[Scalar, Scalar, Scalar, AbstractContactLaw], jax.Array]
+"""Function of penetration, m, penetration rate and entry speed, m/s, and law; it returns the normal
+force, N."""
 
 
 def complaints_of_sensitivities(force: Force, law: AbstractContactLaw) -> Iterator[str]:
-    """Yield the wrong derivatives of a force as a function of depth, rate, entry speed and law."""
+    """Yield a message for each derivative of the force, by the rate, by the entry speed or by a
+    parameter of the law, that does not agree with finite differences."""
     depth, rate, entry = jnp.asarray(POINTS).T
     law = jax.tree.map(jnp.asarray, law)
     forces = jax.vmap(force, in_axes=(0, 0, 0, None))
@@ -60,7 +64,12 @@ def complaints_of_sensitivities(force: Force, law: AbstractContactLaw) -> Iterat
 
 
 def _complaint(name: str, exact: jax.Array, forces: Callable[[float], jax.Array]) -> Iterator[str]:
-    """Yield a message if derivatives (P,) differ from those of forces (P,) of a scaling factor."""
+    """Yield a message if `exact` (P,), the derivatives at `POINTS`, differ from finite differences.
+
+    **Arguments:** `name`: of the number by which is differentiated, for the message; `forces`:
+    returns the forces (P,), N, if this number is multiplied by a factor. `exact` are the
+    derivatives by this factor at one.
+    """
     numeric = (forces(1.0 + STEP) - forces(1.0 - STEP)) / (2.0 * STEP)
     allowed = TOLERANCE * (jnp.abs(exact) + 1e-3 * jnp.abs(forces(1.0)))
     wrong: Condition = jnp.abs(exact - numeric) > allowed

@@ -1,4 +1,4 @@
-"""Motions of bodies from plain numbers, and after a short time."""
+"""Make motions of bodies for checks, and advance them by a short time."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,13 +15,14 @@ def moving(
     velocity: Sequence[float],
     spin: Sequence[float],
 ) -> Motion:
-    """Return a motion from plain numbers, for `check_constraint` and `check_force`.
+    """Return the motion of a body, for `check_constraint`, `check_force` and `check_contact_joint`.
 
     **Arguments:**
 
-    - `position`, `velocity`: of the centre of mass, (3,) m and m/s, global.
-    - `orientation`: (4,) Euler parameters, which are normalised.
-    - `spin`: (3,) rad/s, body axes.
+    - `position`: (3,) m, of the centre of mass, in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, of any length except zero.
+    - `velocity`: (3,) m/s, of the centre of mass, in global axes.
+    - `spin`: (3,) rad/s, angular velocity in body axes.
 
     >>> arm = testing.moving((0.5, 0, 0), (1, 0, 0, 0), velocity=(0, 1, 0), spin=(0, 0, 2))
     >>> arm.spin.z
@@ -32,7 +33,8 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return the motions a short time later, s, at constant velocities and body spins."""
+    """Return the motions of bodies, by name, `time` seconds later, if their velocities in global
+    axes and their spins in body axes stay constant."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,
@@ -45,7 +47,7 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 
 
 def _exponential(angle: Vector) -> EulerParameters:
-    """Return the Euler parameters of a rotation vector."""
+    """Return the Euler parameters of a rotation by a vector `angle`, rad."""
     size = jnp.sqrt(angle.dot(angle)) + 1e-300
     scale = jnp.sin(0.5 * size) / size
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

@@ -1,7 +1,7 @@
-"""The functions that a run evaluates in a step, to be traced, counted and timed.
+"""Access the functions that a run evaluates in a step, to trace them, count and time them.
 
-A step is a PyTree of arrays that a run carries from one attempt to the next. Use only the functions
-documented here to access it.
+The state of a run between two attempts is a `Step`, a PyTree of arrays. Read and change it only by
+the functions of this module.
 """
 
 import gc
@@ -41,13 +41,13 @@ FIRST_STEP, END = 1e-6, 1e9
 
 @dataclass(frozen=True)
 class Stepper:
-    """An integration method applied to a system, as functions of the step.
+    """The functions of one integration step of a run; `RunProgram.stepper` makes it.
 
-    - `method`: solver, controller and events.
-    - `system`: the mechanism in scalar form.
-    - `family`: the parametrised system if derivatives are integrated, otherwise ``None``.
+    - `method`: solver, step size controller and events.
+    - `system`: the mechanism, whose vectors are split into scalars.
+    - `family`: the system as a function of parameters, if derivatives are integrated; else None.
 
-    All functions can be traced and mapped over steps.
+    JAX can trace all functions, and `jax.vmap` can map them over steps.
 
     >>> program = testing.RunProgram.of(scene, state)
     >>> rates = program.stepper().rates(program.step)
@@ -58,17 +58,20 @@ class Stepper:
     family: SystemFamily | None = None
 
     def integrated(self, step: Step) -> PyTree:
-        """Return the integrated numbers, including derivatives if there are any."""
+        """Return the variables of a step, or the pair of the variables and their tangents if
+        derivatives are integrated."""
         return step.y if step.tangents is None else (step.y, step.tangents.y)
 
     def with_integrated(self, step: Step, numbers: PyTree) -> Step:
-        """Return the step with other integrated numbers."""
+        """Return a copy of the step in which `numbers`, of the structure that `integrated` returns,
+        replace the variables and tangents."""
         if step.tangents is None:
             return eqx.tree_at(lambda s: s.y, step, numbers)
         return eqx.tree_at(lambda s: (s.y, s.tangents.y), step, numbers)
 
     def rates(self, step: Step) -> PyTree:
-        """Return the right-hand side: the rates of the integrated numbers."""
+        """Return the time derivatives of the numbers that `integrated` returns, in the same
+        structure."""
 
         def rates(
             system: System, y: Variables, entry_speeds: EntrySpeeds
@@ -83,9 +86,13 @@ class Stepper:
         return value, derivatives
 
     def solver_step(self, step: Step, length: float) -> tuple[Step, Scalar]:
-        """Return the step after one solver step of a length in s, and the sum of its errors.
+        """Advance the variables by one step of the solver, without tangents, and without looking
+        for events or deciding whether the step is accepted.
 
-        The step is not checked for events or accepted, and derivatives are not integrated.
+        **Arguments:** `step`: state of the run; `length`: of the solver's step, s.
+
+        **Returns:** the step with new variables, and the sum of all components of the solver's
+        error estimate.
         """
         t0, solver = step.t, self.method.solver
         y, error, _, state, _ = solver.step(
@@ -95,8 +102,8 @@ class Stepper:
         return after, sum(jax.tree.leaves(error), jnp.zeros_like(step.t))
 
     def attempt(self, step: Step) -> Step:
-        """Return the step after one attempt of a run, including events, entry speeds and
-        acceptance."""
+        """Return the state of the run after one attempt, with all that a run does in it: the step
+        ends at an event if there is one, and it is accepted or rejected."""
         return attempt(self.method, self.system, step, jnp.asarray(jnp.inf), self.family).step
 
     def _term(self, step: Step) -> diffrax.ODETerm:
@@ -111,7 +118,12 @@ class Stepper:
 
 
 class RunProgram(eqx.Module):
-    """A run at its start, with the data of its first `step`.
+    """A run at its start; `RunProgram.of` makes it.
+
+    - `scheme`: the integration method and the formulation of the equations of motion.
+    - `folded_scene`: the scene with its folded constants.
+    - `step`: state of the run before the first attempt.
+    - `family`: the scene as a function of parameters, if derivatives are integrated; else None.
 
     >>> program = testing.RunProgram.of(scene, state)
     >>> later = program.stepper().attempt(program.step)
@@ -138,9 +150,9 @@ class RunProgram(eqx.Module):
         **Arguments:**
 
         - `scene`, `state`: the mechanism and its initial state.
-        - `settings`: the default of `simulate` unless given.
-        - `time`: of the start, s.
-        - `parameters`: for which derivatives are integrated; none by default.
+        - `settings`: settings of the run; by default those of `simulate`.
+        - `time`: start of the run, s.
+        - `parameters`: parameters, by name, by which derivatives are integrated; none by default.
 
         **Raises:** `ValueError` if a run can't use the scene, the state or the settings.
         """
@@ -162,9 +174,10 @@ class RunProgram(eqx.Module):
         )
 
     def stepper(self) -> Stepper:
-        """Return the step functions.
+        """Return the functions of one step of this run.
 
-        In a traced function that takes the program as an argument, they use its traced numbers.
+        Call this inside a function that JAX traces, with the program as an argument of that
+        function, so that the numbers of the scene are traced too and not compiled as constants.
         """
         if self.family is not None:
             systems = SystemFamily(self.family, self.scheme.formulation)
@@ -173,10 +186,10 @@ class RunProgram(eqx.Module):
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time, s, for making the native programs of this process, by stage.
+    """Return the processor time, s, that this process has spent to make its native programs.
 
-    The stages are "tracing" by JAX, "lowering" to operations, "writing" of LLVM code, and
-    "compiling".
+    **Returns:** seconds by stage: "tracing" by JAX, "lowering" of JAX's program to operations,
+    "writing" of LLVM code, and "compiling" of this code.
 
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'tracing', 'writing']

@@ -1,4 +1,4 @@
-"""Arrows of forces, and colours of journals by their contact."""
+"""Draw arrows of forces, and colour journals by their contact."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,12 +12,13 @@ from .parts import FORCE, LOAD, DrawnPart, between
 from .sketching import SketchingPen
 
 LONGEST = 0.3
-"""Length of the longest arrow relative to the size of the mechanism."""
+"""Length of the longest arrow, as a fraction of the size of the mechanism."""
 USUAL, FAR = 0.5, 5.0
-"""Quantile that defines the usual force, and the largest ratio of the greatest force to it with
-lengths proportional to forces."""
+"""The usual force is this quantile of all forces that are not zero. Arrows have lengths
+proportional to their forces unless the largest force exceeds the second number times the usual
+force."""
 WIDTH = 1.1
-"""Radius of an arrow's head relative to that of a bar."""
+"""Radius of an arrow's head in radii of a bar."""
 MODE_NAMES = {
     MotionMode.FREE_FLIGHT: "free flight",
     MotionMode.ONE_BASE: "contact at one end",
@@ -29,9 +30,11 @@ MODE_NAMES = {
 class Arrows(NamedTuple):
     """Arrows of a view.
 
-    - `parts`: the solids.
-    - `scale`: length of the arrow of the `largest` force divided by that force, m/N.
-    - `cut`: force, N, above which arrows have the same length; ``None`` if no force is as large.
+    - `parts`: solids of the arrows.
+    - `scale`: length of the arrow of the largest force divided by that force, m/N.
+    - `cut`: force, N, from which on all arrows have the same length; ``None`` if no force is as
+      large.
+    - `largest`: largest force, N.
     - `root`: whether lengths are proportional to the square root of forces.
     """
 
@@ -49,12 +52,15 @@ def arrows(
     bar: float,
     scale: float | None,
 ) -> Arrows:
-    """Return arrows of the contact forces on second bodies, with tips at the contact points, and of
-    constant loads, which start at the point of application.
+    """Return arrows of the contact forces on the second body of each contact, with tips at the
+    contact points, and of constant loads, which start at the point of application.
 
-    By default the largest force has the longest arrow. If it is far above the usual forces, such as
-    an impact in a motion that follows the wall, lengths are proportional to the square root of
-    forces, so that both are visible.
+    If the largest force is far above the usual forces, such as an impact in a motion that follows
+    the wall, lengths are proportional to the square root of forces, so that all are visible.
+
+    **Arguments:** `pen`: has drawn the scene and noted journals and loads; `observation`: at the
+    times of the frames, None without contact forces; `size`: of the mechanism, m; `bar`: radius of
+    a bar, m; `scale`: length divided by force, m/N, None to choose it.
     """
     contact_forces = {} if observation is None else _contact_forces(pen, observation)
     all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
@@ -88,8 +94,8 @@ def arrows(
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Points (N, 3) m and forces (N, 3) N of each contact with a point; contacts of flanks, which
-    transmit a couple, have none."""
+    """Return the contact point (N, 3), m, and the force on the second body (N, 3), N, in global
+    axes for each contact, by "joint label". Flanks, which transmit a couple, are left out."""
     result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:
@@ -110,7 +116,8 @@ def _contact_forces(
 def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
-    """Return the parts, with journals and balls coloured by modes, and the occurring modes."""
+    """Return the parts, in which journals and balls have the colours of their motion modes, and the
+    motion modes that occur, sorted by number."""
     modes = _modes(observation)
     occurring: set[int] = set()
     coloured = []
@@ -123,7 +130,8 @@ def coloured_by_mode(
 
 
 def _modes(observation: Observation) -> Mapping[str, np.ndarray]:
-    """Observed modes of journals; for other joints, 1 if one of their contacts touches, else 0."""
+    """Return numbers of motion modes (N,) by joint: those observed for journals; for other joints 1
+    if one of their contacts touches, else 0."""
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     for name, family in observation.contacts.items():
         if name not in modes and family:
@@ -133,5 +141,6 @@ def _modes(observation: Observation) -> Mapping[str, np.ndarray]:
 
 
 def _shortened(vectors: np.ndarray, longest: float) -> np.ndarray:
+    """Return the vectors (N, 3), m, cut to at most the length `longest`, m."""
     sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors * np.minimum(1.0, longest / np.maximum(sizes, 1e-300))

@@ -1,4 +1,4 @@
-"""Pictures and animations of a view by matplotlib."""
+"""Draw pictures and animations of a view by matplotlib."""
 
 import shutil
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from .parts import DrawnPart
 from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])
-"""Direction of the light: components to the right, upwards and to the viewer."""
+"""Direction to the light: components to the right, upwards and to the viewer."""
 SHADE = 0.45
-"""Brightness of surfaces in the shade."""
+"""Brightness of surfaces that face away from the light, as a fraction of full brightness."""
 LEGEND_WIDTH = 0.28
 """Width of the legend relative to that of the figure."""
 LONGEST_EDGE = 0.3
@@ -35,9 +35,13 @@ FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A figure of parts seen by a camera, which can show each instant.
+    """A matplotlib figure of a view, in which `show` draws one frame.
 
-    Triangles are drawn from the farthest to the nearest; those that face away are omitted.
+    Triangles are drawn from the farthest to the nearest; triangles that face away from the camera
+    are omitted.
+
+    **Arguments:** `parts`: solids with a pose for each frame; `times`: (N,) s, of the frames, None
+    for a single state; `size`: width and height of the figure, inches.
     """
 
     def __init__(
@@ -64,7 +68,7 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts, and the time, at the instant with the index k."""
+        """Draw the parts in frame `k`, and write its time."""
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
@@ -96,8 +100,8 @@ class Film:
     def save(self, file: Path, frames: Sequence[int]) -> None:
         """Write an animation if the file is a GIF or an MP4, otherwise a still picture.
 
-        **Arguments:** `file`: the path, whose suffix selects the format; `frames`: indices of the
-        instants to show. A picture shows the first of them.
+        **Arguments:** `file`: path of the file, whose suffix selects the format; `frames`: indices
+        of the frames to show. A picture shows the first of these frames.
 
         **Raises:** `ValueError` for an MP4 without ffmpeg.
         """
@@ -140,8 +144,8 @@ class Film:
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """The part with edges of at most `longest` m, so that its triangles can be sorted by depth; the
-    part itself if its pose stretches it."""
+    """Return the part with triangles whose edges are at most `longest`, m, so that they can be
+    sorted by their distance; a part that its pose stretches is returned unchanged."""
     is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
     if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
@@ -152,6 +156,7 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 
 
 def _time(time: float, whole: float) -> str:
+    """Return the text of a time, s, with digits and unit that suit the duration `whole`, s."""
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -1,4 +1,4 @@
-"""A state for a view of a scene without one, found by following the joints."""
+"""Find a state in which a scene can be drawn, by following its joints from the ground."""
 
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
@@ -13,13 +13,13 @@ from ..model.scene import Scene
 from .survey import survey
 
 CLOSED = 1e-6
-"""Largest distance of two points of a joint, relative to that from their bodies' centres, and
-largest sine of the angle between axes, for which a joint counts as closed."""
+"""A joint counts as closed if the distance of its two points, relative to their distance from the
+bodies' centres, and the sine of the angle between its axes are at most this number."""
 TURNS = (0.0, 0.7, -0.7, 1.6)
-"""Angles of hinges, rad, which are tried until the loops can be closed: at zero, links may be in a
-dead-centre position."""
+"""Angles of hinges, rad, which are tried one after another until the loops can be closed: at zero,
+links may be in a dead-centre position."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
-"""Position, m, and rotation from body to global axes of a body."""
+"""Position of a body's centre, (3,) m in global axes, and rotation from body to global axes."""
 
 
 def initial_state(scene: Scene) -> tuple[State, bool]:
@@ -41,7 +41,11 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 
 def _chained(scene: Scene, joined: Sequence[tuple[Marker, Marker]], turn: float) -> dict[str, Pose]:
-    """Poses of the bodies, each next to a known one, with hinges at angles of alternating sign."""
+    """Return the poses of all bodies, found by following the joints from the ground.
+
+    **Arguments:** `joined`: markers on two bodies that a joint brings together; `turn`: angle of
+    the first hinge, rad. Further hinges have angles of alternating sign and growing size.
+    """
     poses: dict[str, Pose] = {GROUND: (np.zeros(3), Rotation.identity())}
     while len(poses) <= len(scene.bodies):
         pairs = [pair for pair in joined if (pair[0].body in poses) != (pair[1].body in poses)]
@@ -61,7 +65,10 @@ def _state(scene: Scene, poses: Mapping[str, Pose]) -> State:
 
 
 def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
-    """The pose of the body of `other`, from that of `known`, at an angle of the hinge, rad."""
+    """Return the pose of the body of `other`, such that both markers coincide.
+
+    **Arguments:** `pose`: of the body of `known`; `angle`: turn about the common axis, rad.
+    """
     position, rotation = pose
     other_rotation = rotation
     if known.axis is not None and other.axis is not None:
@@ -73,7 +80,7 @@ def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
 
 
 def _shortest(axis: np.ndarray, target: np.ndarray) -> Rotation:
-    """The smallest rotation of an axis to another direction, or to its opposite if it is nearer."""
+    """Return the smallest rotation that makes `axis` parallel to `target`, in either sense."""
     axis, target = axis / np.linalg.norm(axis), target / np.linalg.norm(target)
     across = np.cross(axis, target)
     sine, cosine = np.linalg.norm(across), float(axis @ target)
@@ -83,7 +90,7 @@ def _shortest(axis: np.ndarray, target: np.ndarray) -> Rotation:
 
 
 def _fits(poses: Mapping[str, Pose], first: Marker, second: Marker) -> bool:
-    """Whether two points coincide, and their axes are parallel."""
+    """Return whether the points of two markers coincide and their axes are parallel."""
     points, axes = [], []
     for marker in (first, second):
         position, rotation = poses[marker.body]

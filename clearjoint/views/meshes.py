@@ -1,4 +1,4 @@
-"""Closed triangle meshes as arrays; trimesh makes most of them."""
+"""Make closed triangle meshes of simple solids. Lengths are in m."""
 
 import importlib
 from collections.abc import Sequence
@@ -20,14 +20,18 @@ the tooth is half a pitch wide."""
 
 
 class Mesh(NamedTuple):
-    """Triangle mesh: `vertices`, (V, 3) m, and `faces`, (F, 3), the vertices of each triangle,
-    counter-clockwise seen from outside."""
+    """Triangle mesh of a closed surface.
+
+    - `vertices`: (V, 3) m.
+    - `faces`: (F, 3), indices of the three vertices of each triangle, counter-clockwise seen from
+      outside.
+    """
 
     vertices: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
 
     def moved(self, pose: Float[np.ndarray, "4 4"]) -> "Mesh":
-        """Return the mesh transformed by a homogeneous matrix."""
+        """Return the mesh with vertices transformed by the homogeneous matrix `pose`."""
         return Mesh(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.faces)
 
 
@@ -45,7 +49,7 @@ the two as arrays (V, 3) in m and (F, 3)."""
 
 
 def needed(package: str) -> ModuleType:
-    """Import a package of the extra `view`.
+    """Import and return a package of the extra `view`, such as "trimesh".
 
     **Raises:** `ImportError` that names the extra.
     """
@@ -93,8 +97,11 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring along z with straight ends, shaped for a length, m, but scaled to
-    reach from 0 to 1."""
+    """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
+
+    **Arguments:** `radius`: of the helix, m; `wire`: radius of the wire, m; `length`: length, m, to
+    which the mesh will be stretched along z, so that the wire is then round; `turns`: of the helix.
+    """
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
     helix = [radius * np.cos(angle), radius * np.sin(angle), length * (0.12 + 0.76 * inside)]
@@ -111,8 +118,11 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """Return a spur gear about z with a pitch radius, m, and the middle of a tooth on the x axis. A
-    negative radius gives an internal gear."""
+    """Return a spur gear about z, with the middle of a tooth on the x axis.
+
+    **Arguments:** `radius`: pitch radius, m, negative for an internal gear; `teeth`: number of
+    teeth; `width`: of the gear along z, m.
+    """
     module = 2.0 * abs(radius) / teeth
     pitch = 2.0 * np.pi / teeth
     angle = (np.arange(teeth)[:, None] + TOOTH) * pitch
@@ -124,24 +134,25 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
-    """Return the convex hull of balls of one radius at all points: a rounded rod for two points, a
-    rounded plate for three."""
+    """Return the convex hull of balls with radius `radius`, m, around all points (N, 3), m: a
+    rounded rod for two points, a rounded plate for three."""
     trimesh = needed("trimesh")
     knob = _creation().icosphere(subdivisions=1, radius=radius).vertices
     return _of(trimesh.convex.convex_hull((points[:, None] + knob[None]).reshape(-1, 3)))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Join several meshes."""
+    """Return one mesh with the vertices and faces of several meshes."""
     firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + first for mesh, first in zip(meshes, firsts[:-1], strict=True)]
     return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Convert and check a mesh that a user passes.
+    """Convert a mesh that a user passes to a `Mesh`, and check it.
 
-    **Raises:** `ValueError` with the name of the argument.
+    **Raises:** `ValueError`, with `argument` as the name of the argument, for a missing file, and
+    for arrays with wrong shapes, with faces of unknown vertices or with NaN.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     if isinstance(value, str | Path):
@@ -163,7 +174,8 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
 
 
 def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix whose third column is along an axis, (3,), which is not zero."""
+    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero;
+    the turn about this axis is arbitrary."""
     along = np.asarray(axis, dtype=float)
     along = along / np.linalg.norm(along)
     start = np.eye(3)[np.argmin(np.abs(along))]
@@ -173,7 +185,8 @@ def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
-    """Return the homogeneous matrix of a rotation, (3, 3), and a translation to a point, (3,)."""
+    """Return the homogeneous matrix of a rotation (3, 3), by default none, followed by a
+    translation to `point` (3,), m."""
     pose = np.eye(4)
     pose[:3, 3] = np.asarray(point, dtype=float)
     if rotation is not None:
@@ -190,7 +203,8 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Triangles between successive rings with equal numbers of vertices."""
+    """Return the triangles (F, 3) between successive rings of `corners` vertices each, which are
+    numbered ring by ring."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners
     lower = np.stack([a, b, a + corners], -1).reshape(-1, 3)
@@ -199,7 +213,8 @@ def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
 
 
 def _plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """A plate across z with a star-shaped rim."""
+    """Return a plate across z of thickness `width`, m, whose rim is the polygon with corners
+    (N, 2), m; straight lines from the origin must cross it once."""
     count, half = len(rim), 0.5 * width
     layers = [np.column_stack([rim, np.full(count, z)]) for z in (-half, half)]
     vertices = np.vstack([*layers, (0.0, 0.0, -half), (0.0, 0.0, half)])
@@ -211,7 +226,8 @@ def _plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def _ring(rim: Float[np.ndarray, "N 2"], outer: float, width: float) -> Mesh:
-    """A plate across z with an outer radius and a hole with the given rim."""
+    """Return a plate across z of radius `outer` and thickness `width`, m, with a hole whose rim is
+    the polygon with corners (N, 2), m."""
     edge = rim * (outer / np.linalg.norm(rim, axis=1))[:, None]
     loops = ((edge, -1.0), (edge, 1.0), (rim, 1.0), (rim, -1.0), (edge, -1.0))
     layers = [np.column_stack([loop, np.full(len(rim), 0.5 * width * z)]) for loop, z in loops]

@@ -32,12 +32,17 @@ from .proportions import FIELD_OF_VIEW, Camera
 SCRIPT = Path(__file__).with_name("page.js")
 WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
 DURATION = 8.0
-"""Duration of the playback at the default speed, s."""
+"""Time in which the page plays the whole motion at its default speed, s."""
 
 
 @dataclass(frozen=True)
 class Legend:
-    """Legend of a view: a `title`, `entries` of a colour and its meaning, and `notes`."""
+    """Legend of a view.
+
+    - `title`: title of the view.
+    - `entries`: pairs of a colour "#rrggbb" and its meaning.
+    - `notes`: lines of text below the entries, such as scales.
+    """
 
     title: str
     entries: tuple[tuple[str, str], ...]
@@ -51,9 +56,10 @@ def page(
     times: np.ndarray | None,
     height: int,
 ) -> str:
-    """Return the HTML of the page.
+    """Return the HTML text of a page that shows a view and needs no network.
 
-    **Arguments:** `times`: (N,) s, or ``None`` for a single state; `height`: in a notebook, pixels.
+    **Arguments:** `parts`: solids with their poses in each frame; `times`: (N,) s, of the frames,
+    or ``None`` for a single state; `height`: height of the view in a notebook, pixels.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
@@ -86,7 +92,7 @@ def page(
 
 
 def _drawable(part: DrawnPart, k3d):
-    """A mesh of k3d; a moving part has a time series of homogeneous matrices."""
+    """Return the k3d mesh of a part, with the poses and colours of all frames by frame number."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),
@@ -111,5 +117,5 @@ def _number(colour: str) -> int:
 
 
 def _as_script(value: object) -> str:
-    """JSON that is safe inside a script element, for any names."""
+    """Return JSON that can stand in a script element, whatever characters its texts have."""
     return json.dumps(value).replace("<", "\\u003c")

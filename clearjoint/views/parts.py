@@ -30,13 +30,15 @@ CLEAR = 0.3
 
 @dataclass(frozen=True)
 class DrawnPart:
-    """A solid in one piece.
+    """A solid that moves as a whole.
 
-    - `name`: of its body, joint or force.
-    - `mesh`: in local axes.
-    - `poses`: (N, 4, 4), or (1, 4, 4) for a fixed part; homogeneous matrices that may stretch.
-    - `colour`: "#rrggbb". `modes`: (N,) keys of `MODES`, which replace the colour.
-    - `opacity`: from 0.0 to 1.0.
+    - `name`: name of its body, joint or force.
+    - `mesh`: triangles in the solid's own axes, m.
+    - `poses`: homogeneous matrices from the solid's to global axes, which may also stretch it:
+      (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest.
+    - `colour`: "#rrggbb".
+    - `opacity`: from 0.0, invisible, to 1.0, opaque.
+    - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame.
     - `is_journal`: whether it is the journal or ball of a clearance joint.
     """
 
@@ -49,26 +51,26 @@ class DrawnPart:
     is_journal: bool = False
 
     def pose(self, k: int) -> Float[np.ndarray, "4 4"]:
-        """The pose at instant k."""
+        """Return the pose in frame `k`."""
         return self.poses[min(k, len(self.poses) - 1)]
 
     def colour_at(self, k: int) -> str:
-        """The colour at instant k."""
+        """Return the colour in frame `k`, "#rrggbb"."""
         return self.colour if self.modes is None else MODES[int(self.modes[k])]
 
 
 @dataclass
 class OnBodies:
-    """Solids that move with bodies; those of the same body, colour and opacity become one part."""
+    """Solids that are fixed to bodies. Those of equal body, colour and opacity become one part."""
 
     _meshes: dict[tuple[str, str, float], list[Mesh]] = field(default_factory=dict)
 
     def add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid, given in body axes, to a body."""
+        """Fix a solid to a body; the mesh is in body axes, m, relative to the centre of mass."""
         self._meshes.setdefault((body, colour, opacity), []).append(mesh)
 
     def parts(self, poses: dict[str, np.ndarray]) -> list[DrawnPart]:
-        """The parts, from the poses of the bodies."""
+        """Return the parts, given the poses of the bodies, (N, 4, 4) by name."""
         return [
             DrawnPart(body, joined(meshes), _still(poses[body]), colour, opacity)
             for (body, colour, opacity), meshes in self._meshes.items()
@@ -78,8 +80,11 @@ class OnBodies:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return poses that map the z axis from 0 to 1 to the line between two points, and scale x and
-    y by a width."""
+    """Return homogeneous matrices that map the z axis from 0 to 1 to the line from a start to an
+    end, and scale x and y by `width`, m.
+
+    **Arguments:** `starts`, `ends`: (N, 3) m, in global axes.
+    """
     along = ends - starts
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     poses = frames(along / length)
@@ -92,8 +97,11 @@ def between(
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return rotations with given unit vectors as third columns, and with first columns as near as
-    possible to `start`, if given."""
+    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
+
+    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
+    directions near which the first columns shall lie, any by default.
+    """
     if start is None:
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -104,7 +112,8 @@ def frames(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners of the boxes around all parts at some instants, m."""
+    """Return the corners, (N, 3) m in global axes, of the boxes around all parts in the frames
+    `instants`; parts at rest count once."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
@@ -115,5 +124,5 @@ def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.nda
 
 
 def _still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
-    """The poses, or a single one if all are equal."""
+    """Return the poses, or only the first one, (1, 4, 4), if all are equal."""
     return poses[:1] if np.array_equal(poses, np.broadcast_to(poses[:1], poses.shape)) else poses

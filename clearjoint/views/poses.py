@@ -1,4 +1,4 @@
-"""Positions and orientations of all bodies at the instants that `clearjoint.view` shows."""
+"""Compute positions and orientations of all bodies in the frames that `clearjoint.view` shows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from ..simulation.results.solution import Trajectory
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses of all bodies and the ground.
+    """Poses of all bodies and of the ground in N frames.
 
-    - `times`: (N,) s, or ``None`` for a single state, with N = 1.
-    - `poses[body]`: (N, 4, 4) homogeneous matrices from body to global axes, m.
+    - `times`: (N,) s, of the frames, or ``None`` for a single state (N = 1).
+    - `poses`: homogeneous matrices (N, 4, 4) from body axes to global axes, m, by the body's name.
     """
 
     times: Float[np.ndarray, " N"] | None
@@ -25,22 +25,23 @@ class BodyPoses:
 
     @property
     def count(self) -> int:
-        """The number of instants."""
+        """Number of frames, N."""
         return len(self.poses[GROUND])
 
     def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Global positions of a point, (3,) m in body axes."""
+        """Return the global positions (N, 3), m, of a point of a body, `local` (3,) m in body
+        axes."""
         pose = self.poses[body]
         return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
 
     def direction(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Global unit vectors of a direction, (3,) in body axes."""
+        """Return the global unit vectors (N, 3) of a direction, `local` (3,) in body axes."""
         vector = np.asarray(local, dtype=float)
         return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
 
 
 def standing(state: State) -> BodyPoses:
-    """Return the poses in a single state, without a time."""
+    """Return the poses of a single state, without a time."""
     poses = {name: _poses(body)[None] for name, body in state.bodies.items()}
     return BodyPoses(None, poses | {GROUND: np.eye(4)[None]})
 
@@ -68,12 +69,12 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 
 
 def at_instants(trajectory: Trajectory, chosen: np.ndarray) -> Trajectory:
-    """Return the part of a trajectory at some of its instants, by index."""
+    """Return the states of a trajectory at the indices `chosen`, (M,)."""
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], trajectory)
 
 
 def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
-    """Check that a state has the bodies of a scene."""
+    """Raise `ValueError` unless a state has exactly the bodies of a scene."""
     require(
         set(state.bodies) == set(bodies),
         "motion",
@@ -84,7 +85,7 @@ def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
 
 
 def require_instants(trajectory: Trajectory) -> None:
-    """Check that a trajectory has a state for each time."""
+    """Raise `ValueError` unless a trajectory has a state of each body for each time."""
     count = len(np.asarray(trajectory.times))
     for name, body in trajectory.states.bodies.items():
         shape = np.shape(body.position)
@@ -95,7 +96,8 @@ def require_instants(trajectory: Trajectory) -> None:
 
 
 def _poses(body: BodyState) -> Float[np.ndarray, "*N 4 4"]:
-    """Poses from positions and Euler parameters, which need not have unit norm."""
+    """Return homogeneous matrices (N, 4, 4), or (4, 4) for a single state, from the position of a
+    body and its Euler parameters of any length except zero."""
     from scipy.spatial.transform import Rotation
 
     position, orientation = np.asarray(body.position), np.asarray(body.orientation)

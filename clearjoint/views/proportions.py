@@ -1,4 +1,4 @@
-"""Sizes of symbols, scales of clearances, and the camera."""
+"""Choose sizes of symbols, scales of clearances and bearings, and the camera of a view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,15 +14,18 @@ from .poses import BodyPoses
 from .survey import SurveyingPen, equivalent_solid, points_by_body
 
 BAR = 0.014
-"""Radius of a bar relative to the size of the mechanism."""
+"""Radius of a bar as a fraction of the size of the mechanism."""
 BORE = 2.4
-"""Smallest drawn radius of a bearing relative to that of a bar."""
+"""Smallest drawn radius of a bearing, in radii of a bar."""
 DRAWN_GAP = 0.3
-"""Largest drawn clearance relative to the drawn radius of its bearing."""
+"""Drawn clearance as a fraction of the drawn radius of its bearing, for the joint where it is
+largest, if the scale is chosen automatically."""
 WIDEST_GAP = 0.9
-"""The same limit for a scale that a user gives."""
+"""Largest accepted drawn clearance as a fraction of the drawn radius of its bearing, for a scale
+that the user gives."""
 PLANAR = 0.95
-"""Fraction of parallel axes above which a mechanism counts as planar."""
+"""A mechanism counts as planar if the squared components of all joint axes along their main
+direction are more than this fraction of all squared components."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,12 @@ class Proportions:
     """Sizes and scales of a view.
 
     - `size`: diagonal of the box around the mechanism, m.
-    - `bar`: radius of a bar, m.
-    - `bearing_scale`: scale of bearings, journals and balls.
-    - `clearance_scale`: scale of clearances and of eccentricities.
-    - `front`, `up`: global unit vectors to the viewer and upwards, before the tilt.
-    - `planar`: whether the mechanism is planar.
+    - `bar`: radius of the bar by which a body is drawn, m.
+    - `bearing_scale`: drawn size divided by true size of bearings, journals and balls.
+    - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
+    - `front`, `up`: (3,) unit vectors in global axes: main direction of the joint axes, along
+      which the viewer looks before the view is tilted, and upward direction.
+    - `planar`: whether nearly all joint axes are parallel.
     """
 
     size: float
@@ -46,7 +50,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Drawn radius of a bearing, m."""
+        """Return the drawn radius, m, of a bearing with a true `radius`, m, None if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -57,7 +61,10 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the proportions of a scene. Scales that are ``None`` are chosen so that bearings and
+    """Return the sizes and scales for a view of a scene.
+
+    **Arguments:** `noted`: markers and bores of the scene, from `survey`; `bearing_scale`,
+    `clearance_scale`: drawn size divided by true size, None to choose scales by which bearings and
     the widest clearance are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or with which no journal remains.
@@ -87,7 +94,8 @@ def proportions(
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Diagonal of the box around joints and bodies at the first instant, m."""
+    """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
+    is a point."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     joined = points_by_body(noted.markers, scene.bodies)
     for name, body in scene.bodies.items():
@@ -100,7 +108,8 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """The main direction of the axes, and whether the mechanism is planar."""
+    """Return the main direction of the joint axes, (3,) in global axes, and whether the mechanism
+    is planar; without axes, global Z and False."""
     axes = [
         poses.direction(marker.body, marker.axis)[0]
         for marker in noted.markers
@@ -115,7 +124,8 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """The direction against gravity, unless it is across the view; else Y, or Z."""
+    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z. For a planar
+    mechanism it must not be near the viewing direction `front`."""
     candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
     for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
         size = np.linalg.norm(candidate)
@@ -125,7 +135,7 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 
 
 def _rounded(number: float) -> float:
-    """A number to two digits, rounded down."""
+    """Return a positive number rounded down to two significant digits."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
     return float(np.round(np.floor(number / unit + 1e-9) * unit, 12))
 
@@ -134,11 +144,11 @@ FIELD_OF_VIEW, FLAT = 30.0, 0.3
 """Vertical field of view, degrees; and the largest sine of the angle between the axis of a
 mechanism and the vertical for a view from above."""
 ZOOM_OUT = 1.1
-"""Size of the picture relative to the parts."""
+"""Size of the picture divided by the extent of all parts in it."""
 INSTANTS = 120
-"""Instants at which positions of parts are evaluated."""
+"""Largest number of frames in which positions of parts are evaluated to place the camera."""
 ITERATIONS = 12
-"""Iterations for the position of the camera, which depends on the perspective."""
+"""Number of iterations to place the camera: extents in perspective depend on its distance."""
 WIDE = 1.25
 """Smallest ratio of width to height of a picture."""
 TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
@@ -147,8 +157,13 @@ mechanism, of a spatial one, and of one with a vertical axis."""
 
 
 class Camera(NamedTuple):
-    """Position of the viewer and target, m, and upward direction, (3,) each; and `reach`, half the
-    height of the picture in the plane of the target, m."""
+    """Camera of a view, in global axes.
+
+    - `eye`: (3,) m, position of the viewer.
+    - `target`: (3,) m, point in the middle of the picture.
+    - `up`: (3,) unit vector, upward direction in the picture.
+    - `reach`: half the height of the picture in the plane of the target, m.
+    """
 
     eye: np.ndarray
     target: np.ndarray
@@ -156,14 +171,18 @@ class Camera(NamedTuple):
     reach: float
 
     def axes(self) -> np.ndarray:
-        """Unit vectors to the right, upwards and to the viewer, as rows of a (3, 3) matrix."""
+        """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
+        viewer, in global axes."""
         towards = self.eye - self.target
         return _axes(towards / np.linalg.norm(towards), self.up)
 
 
 def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
-    """Return a camera that shows all parts at all `count` instants, with the mechanism, without
-    arrows, in the middle of the picture."""
+    """Return a camera that shows all parts in all frames, with the mechanism in the middle.
+
+    **Arguments:** `parts`: drawn solids, of which arrows do not count for the middle; `count`:
+    number of frames.
+    """
     instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
@@ -194,7 +213,7 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Unit vector from the mechanism to the viewer."""
+    """Return the unit vector from the mechanism to the viewer, (3,) in global axes."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     rightwards, upwards = TILTED if proportions.planar else OBLIQUE

@@ -1,4 +1,4 @@
-"""Solids of a scene: bodies, symbols of joints, and journals with exaggerated clearances."""
+"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -22,18 +22,19 @@ from .proportions import Proportions
 from .survey import BodySolid, equivalent_solid
 
 WALL = 0.22
-"""Drawn thickness of a bearing's wall relative to its radius."""
+"""Drawn thickness of a bearing's wall as a fraction of its radius."""
 JOURNAL_LENGTH = 1.3
-"""Drawn length of a journal relative to that of its bearing."""
+"""Drawn length of a journal divided by that of its bearing."""
 
 
 @dataclass(frozen=True)
 class DrawnJournal:
     """A journal as it is drawn.
 
-    - `ends`: (2, N, 3) m, global centres of its bases V and W.
-    - `poses`: (N, 4, 4), of its centre, with its axis along z.
-    - `radius`: m.
+    - `ends`: (2, N, 3) m in global axes, drawn centres of its bases V and W in each frame.
+    - `poses`: (N, 4, 4), homogeneous matrices from axes at its middle, with z along its axis, to
+      global axes.
+    - `radius`: drawn radius, m.
     """
 
     ends: Float[np.ndarray, "2 N 3"]
@@ -43,7 +44,8 @@ class DrawnJournal:
     def touching_point(
         self, contact: str, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"] | None:
-        """Contact point of a base in the direction of a normal; ``None`` for other contacts."""
+        """Return the drawn contact points (N, 3), m in global axes, of base "V" or "W" in the
+        direction `normal` (N, 3); ``None`` for other contacts."""
         if contact not in BASES:
             return None
         return self.ends[BASES.index(contact)] + self.radius * normal
@@ -59,9 +61,11 @@ def drawn_journal(
     clearance_scale: float,
     bearing_scale: float,
 ) -> DrawnJournal:
-    """Return a journal whose eccentricities are scaled by `clearance_scale`.
+    """Return a journal as it is drawn, with eccentricities that are enlarged.
 
-    **Arguments:** `radius`: drawn radius of the journal, m; `length`: its real length, m.
+    **Arguments:** `bearing`, `journal`: points and axes on their bodies; `radius`: drawn radius of
+    the journal, m; `length`: true length of the journal, m; `clearance_scale`, `bearing_scale`:
+    drawn size divided by true size of eccentricities and of the journal's length.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())
@@ -85,7 +89,8 @@ def drawn_journal(
 
 
 def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
-    """A direction across the journal's axis that turns with it, global."""
+    """Return unit vectors (N, 3) in global axes that are perpendicular to the journal's axis and
+    turn with the journal."""
     axis = journal.along()
     return poses.direction(journal.body, np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
 
@@ -93,7 +98,8 @@ def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
 def drawn_ball(
     poses: BodyPoses, socket: Marker, ball: Marker, clearance_scale: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return poses of a ball whose eccentricity is scaled by `clearance_scale`."""
+    """Return the poses (N, 4, 4) of a ball whose distance from the socket's centre is multiplied by
+    `clearance_scale`."""
     drawn = poses.poses[ball.body].copy()
     centre = poses.point(socket.body, socket.point)
     drawn[:, :3, 3] = centre + clearance_scale * (poses.point(ball.body, ball.point) - centre)
@@ -101,18 +107,24 @@ def drawn_ball(
 
 
 NEAR = 1e-3
-"""Distance of two points, relative to the size of the mechanism, up to which they count as one."""
+"""Two points of a body count as one if their distance is at most this fraction of the size of the
+mechanism."""
 SHORT = 0.5
-"""Length of a bar relative to the body's equivalent solid up to which the solid is drawn too."""
+"""The equivalent solid of a body is drawn too if the extent of its joints is less than this
+fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
-    """Collects the parts of a view.
+    """Pen by which joints and forces draw themselves as the parts of a view.
 
     - `element`: name of the joint or force that is being drawn.
-    - `journals`: the drawn journals, by joint.
-    - `loads`: points and forces, (N, 3) m and N, of constant loads.
-    - `drawn`: names of the drawn joints and forces.
+    - `journals`: drawn journals, by the joint's name.
+    - `loads`: points (N, 3), m, and forces (N, 3), N, of constant loads, in global axes, by the
+      name of the load.
+    - `drawn`: names of the joints and forces that have been drawn.
+
+    **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
+    `colours`: colour "#rrggbb" of each body and of the ground, by name.
     """
 
     def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
@@ -126,7 +138,7 @@ class SketchingPen(AbstractPen):
         self._shaped: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
-        """Return all parts."""
+        """Return all parts that have been drawn."""
         return self._fixed.parts(dict(self._poses.poses)) + self._moving
 
     def mark(self, marker: Marker) -> None:
@@ -195,7 +207,8 @@ class SketchingPen(AbstractPen):
         self._span(meshes.coil(1.2 * bar, 0.25 * bar, length), *ends)
 
     def load(self, marker: Marker, force: Triple) -> None:
-        """Note a load, which is drawn as an arrow when the scale of forces is known."""
+        """Add a load, (3,) N in global axes, to `loads`; its arrow is made when the scale of forces
+        is known."""
         points = self._poses.point(marker.body, marker.point)
         self.loads[self.element] = points, np.broadcast_to(force, points.shape)
         self._hold(marker)
@@ -333,7 +346,8 @@ class SketchingPen(AbstractPen):
         return meshes.box((first, second, third))
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Corners of a body, (M, 3) m, without nearly equal ones."""
+        """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
+        nearly equal ones."""
         distinct: list[np.ndarray] = []
         for point in self._corners[name]:
             distances = [np.linalg.norm(point - other) for other in distinct]
@@ -342,23 +356,27 @@ class SketchingPen(AbstractPen):
         return np.reshape(distinct, (-1, 3))
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid about z at a marker, along its axis if it has one."""
+        """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
+        axis along the marker's axis if the marker has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         moved = mesh.moved(pose_at(marker.point, rotation))
         self._fixed.add(marker.body, moved, colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Global positions, (N, 3) m, of both markers."""
+        """Return the positions of both markers, (N, 3) m each in global axes, and extend the hulls
+        of their bodies to them."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
 
     def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        """Draw a solid along z that is stretched between two points."""
+        """Draw a solid that reaches from z = 0 to 1, stretched from `starts` to `ends`, (N, 3) m in
+        global axes."""
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of bodies to markers, or to a distance `around` them, m."""
+        """Extend the hulls of the markers' bodies to the markers' points, or, if `around` is not
+        zero, to points at this distance, m, such as the wall of a bearing."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -367,7 +385,9 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
-        """From a bearing's centre to its wall, towards the centre of mass; for the ground down."""
+        """Return the vector (3,), m in body axes, from a bearing's centre to its wall at the given
+        distance, towards the body's centre of mass, or downwards on the ground; zero if the centre
+        of mass lies inside the bearing."""
         point = np.asarray(marker.point, dtype=float)
         inwards = -self._sizes.up if marker.body == GROUND else -point
         if marker.axis is not None:
@@ -377,24 +397,27 @@ class SketchingPen(AbstractPen):
         return inwards * (distance / size) if size > distance else np.zeros(3)
 
     def _behind(self, marker: Marker) -> np.ndarray:
-        """Direction of a marker's axis away from the viewer at first, in body axes."""
+        """Return the sense of a marker's axis that points away from the viewer in the first frame,
+        (3,) unit vector in body axes."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
         return -axis if towards_viewer >= 0.0 else axis
 
     def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
-        """Components of a global direction in body axes at the first instant."""
+        """Return the components in body axes, (3,), of a global direction in the first frame."""
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _in_plane(self, body: str, normal: Triple) -> np.ndarray:
-        """Axes along a wall, along its normal, and along the direction of view."""
+        """Return a matrix (3, 3) whose columns are, in body axes: the direction along a wall, its
+        normal, and the perpendicular of both, near the direction of view."""
         upwards = _unit(normal)
         along = np.cross(upwards, self._components(body, self._sizes.front))
         along = _unit(along)
         return np.stack([along, upwards, np.cross(along, upwards)], axis=1)
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Smallest and largest position of a runner along an axis of another body, m."""
+        """Return the smallest and the largest position, m, of `runner` relative to `base` in all
+        frames, along `axis`, (3,) in the axes of the body of `base`."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -410,10 +433,10 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows.
+    """Draw all parts of a scene except arrows, and return the pen that has them.
 
-    **Arguments:** `given`: meshes of bodies by name; `centres`, `solids`: whether to add centres of
-    mass and equivalent solids.
+    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
+    `solids`: whether to add a ball at each centre of mass, and the solid of each body's inertia.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():
@@ -434,7 +457,7 @@ def sketch(
 
 
 def colours(bodies: Collection[str]) -> dict[str, str]:
-    """Return a colour for each body and the ground."""
+    """Return the colour "#rrggbb" of each body and of the ground, by name."""
     return dict(zip(bodies, cycle(BODIES), strict=False)) | {GROUND: GROUND_COLOUR}
 
 
@@ -444,7 +467,8 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
-    """Axes of a gear about `along`; the first is a transverse axis, rotated by the phase."""
+    """Return a matrix (3, 3) whose columns are the axes of a gear: the third is `along` (3,), the
+    first is perpendicular to it and turned about it by `phase`, rad."""
     numbers = transverse_axes(Vector(*(float(part) for part in along)))[0]
     first = np.array([float(part) for part in (numbers.x, numbers.y, numbers.z)])
     second = np.cross(along, first)

@@ -1,4 +1,4 @@
-"""Collect points, axes and clearances of a scene's joints and forces."""
+"""Collect the points, axes and clearances of a scene's joints and forces, before it is drawn."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -137,8 +137,10 @@ def survey(scene: Scene) -> SurveyingPen:
 class BodySolid(NamedTuple):
     """A homogeneous solid with the mass and moments of inertia of a body.
 
-    `axes`: (3, 3), axes of the solid as columns, in body axes; `sides`: (3,) m, along them. If
-    `round`, the solid is a cylinder about the third axis, and the first two sides are its diameter.
+    - `axes`: (3, 3), whose columns are the axes of the solid, in body axes.
+    - `sides`: (3,) m, lengths of the solid along these axes.
+    - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
+      sides are then its diameter.
     """
 
     axes: np.ndarray
@@ -147,7 +149,7 @@ class BodySolid(NamedTuple):
 
 
 ALIKE = 1e-3
-"""Largest relative difference of two moments of a round solid."""
+"""Two principal moments of inertia count as equal up to this relative difference."""
 
 
 def equivalent_solid(body: Body) -> BodySolid:
@@ -166,7 +168,8 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def points_by_body(markers: list[Marker], bodies: Mapping[str, Body]) -> dict[str, np.ndarray]:
-    """Return the points of each body's markers, (M, 3) m in its axes, by name."""
+    """Return the points (M, 3), m in body axes, of the markers on each body, by the body's name;
+    markers on the ground are left out."""
     by_body: dict[str, list[np.ndarray]] = {name: [] for name in bodies}
     for marker in markers:
         if marker.body in by_body:

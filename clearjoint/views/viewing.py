@@ -33,25 +33,29 @@ from .sketching import colours, sketch
 from .survey import survey
 
 Viewable = State | Solution | NonsmoothSolution | Trajectory
-"""Objects with poses of the bodies."""
+"""Types from which `view` takes positions and orientations of the bodies."""
 ODD_SIZE = 50.0
-"""Largest ratio of the size of a given mesh to that of the mechanism, or its inverse; a larger one
-is due to a wrong unit."""
+"""A given mesh that is larger or smaller than the mechanism by more than this factor is refused: it
+is probably in a wrong unit."""
 SUFFIXES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
 MISSED = 1.1
 """Ratio of the largest peak of impacts to the largest force of the frames above which a note gives
 the peak."""
 ANIMATED = 100
-"""Frames of an animation."""
+"""Largest number of frames of a GIF or MP4."""
 
 
 class View:
     """A three-dimensional view of a mechanism, which notebooks display.
 
-    - `parts`: its solids.
+    `view` makes it.
+
+    - `parts`: the drawn solids.
     - `times`: (N,) s, of the frames; ``None`` for a single state.
-    - `legend`: `title`, `entries` of a colour and its meaning, and `notes`.
-    - `clearance_scale`, `bearing_scale`: scales of the drawn clearances and bearings.
+    - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
+      its `notes`.
+    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
+      bearings.
     - `force_scale`: length of the arrow of the largest force divided by that force, m/N.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
@@ -76,7 +80,7 @@ class View:
 
     @cached_property
     def html(self) -> str:
-        """The page, which needs no server and no network."""
+        """The text of an HTML page with the view, which needs no server and no network."""
         return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
@@ -180,14 +184,16 @@ def view(
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
-    - `clearance_scale`, `bearing_scale`: scales of the drawn clearances and bearings; 1.0 for true
-      sizes. By default chosen so that both are visible.
-    - `force_scale`: length of arrows, m/N. By default the largest force has the longest arrow. If
-      it is far above the usual forces, as in an impact, lengths are proportional to the square root
-      of forces; the legend says so.
+    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
+      bearings. By default both are chosen so that clearances and bearings are visible.
+    - `force_scale`: length of an arrow divided by its force, m/N. By default the largest force has
+      an arrow of 0.3 times the size of the mechanism. If this force is more than five times the
+      median, as in an impact, lengths are proportional to the square root of forces; the legend
+      says so.
     - `centres_of_mass`, `inertias`: whether to add a black ball at each centre of mass, and the
       solid of each body's mass and inertia.
-    - `title`: of the legend; `height`: in a notebook, pixels.
+    - `title`: title of the legend.
+    - `height`: height of the view in a notebook, pixels.
 
     **Returns:** a `View`.
 
@@ -220,7 +226,8 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return poses of the bodies, the observation at the same times, and notes for the legend."""
+    """Return the poses of the bodies in at most `frames` frames, the observation at the same times
+    (None if forces are not drawn), and notes for the legend."""
     if motion is None:
         from .initial_state import initial_state
 
