@@ -197,8 +197,8 @@ class LaneLoop(AbstractLaneLoop):
         return columns
 
     def run(self, columns: Columns) -> int:
-        """Advance lanes until an occupied one needs its host, by `LONGEST_RUN` steps at most;
-        return the number of steps."""
+        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps; return the number
+        of steps."""
         columns.whole[self._limit] = LONGEST_RUN
         return self._code(columns.address)
 

@@ -180,7 +180,7 @@ def _rescale(
     peaks = np.concatenate([_peaks(values) for values in curves])
     if len(peaks) == 0 or logarithmic is False:
         return
-    # Steps are short in contact: forces are weighted with time, so that many samples do not count.
+    # Samples are dense where steps are short: each force counts by the time for which it acts.
     weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
     values = np.concatenate(curves)
     order = np.argsort(values)
