@@ -150,6 +150,7 @@ def scene_and_solution(folder: Folder) -> tuple[Scene, Solution]:
     }
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
+    # The file has the message of the result; one of another version counts as not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
     solution = Solution(
         time=float(motion.attrs["time_reached"]),

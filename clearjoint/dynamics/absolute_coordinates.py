@@ -1,5 +1,5 @@
 """Absolute coordinates: position, orientation, velocity and spin of each body. All ideal joints are
-constraints, as in the paper."""
+constraints, as in Flores et al. 2006."""
 
 from typing import TypeAlias
 

@@ -191,6 +191,7 @@ def _delayed(
         slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
         values[name] = output_values[at]
         derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
+    # Outputs at times that were not reached are NaN, which `residuals` recognises.
     reached = jnp.ones_like(instants.undelayed, bool)
     return eqx.tree_at(
         lambda run: (run.values, run.derivatives, run.reached),

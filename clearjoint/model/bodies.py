@@ -153,7 +153,7 @@ class Body(AbstractReadable):
           transverse moments are m l^2/12, and the moment about its axis is that of a steel bar.
         - `axis`: direction of the rod, "x", "y" or "z".
 
-        **Raises:** `ValueError` if a dimension is not positive, unless exactly one of mass and
+        **Raises:** `ValueError` if a dimension is not positive, if not exactly one of mass and
         density is given, or if a density is given without a diameter.
         """
         solids.require_one(mass, density)

@@ -250,6 +250,7 @@ def evaluated(
     **Returns:** the result of each call; ``None`` if the function has a loop or a primitive without
     a rule.
     """
+    # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])
     lowering, results = Lowering(Operations(), RULES), []
     for arguments in calls:
@@ -257,6 +258,7 @@ def evaluated(
             [out] = lowering.inline(closed, [*map(lowering.constant, arguments)])
         except UnsupportedPrimitiveError:
             return None
+        # A scalar result is the number of a value; it is unknown if a loop computes the value.
         number = lowering.ops.number(out) if isinstance(out, int) else None
         if number is None:
             return None

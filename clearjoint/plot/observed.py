@@ -40,7 +40,8 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def reaction(observation: Observation, joint: str, body: str) -> Load:
-    """Return the force and the moment of an ideal joint on a body.
+    """Return the force (N, 3), N, global, and the moment (N, 3), N m, about the centre of mass in
+    body axes, of an ideal joint on a body.
 
     **Raises:** `ValueError` that lists the known names.
     """

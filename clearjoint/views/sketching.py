@@ -160,7 +160,7 @@ class SketchingPen(AbstractPen):
             self._hold(marker._replace(point=np.asarray(marker.point) + behind))
 
     def ball(self, first: Marker, second: Marker) -> None:
-        """Draw a ball larger than the bars."""
+        """Draw the ball of a spherical joint at the first of two markers, larger than the bars."""
         self._fix(first, meshes.ball(1.6 * self._sizes.bar), METAL)
         self._hold(first, second)
 

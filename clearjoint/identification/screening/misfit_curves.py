@@ -160,8 +160,8 @@ def _scenes_and_states(
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
     """Return chi squared of n runs, cumulated up to each time, (n, T).
 
-    **Arguments:** `predicted`: (n, S, T) outputs, SI; `smoothing`: number of times over which
-    residuals are averaged.
+    **Arguments:** `predicted`: (n, S, T) outputs, SI; `smoothing`: length of the
+    moving average of residuals, which ends at each time; zeros precede the first time.
     """
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:

@@ -33,11 +33,14 @@ class BearingWall:
     def contact(
         self, bearing: Motion, journal: Motion, base: JournalBase, has_friction: bool
     ) -> Contact:
-        """Return the contact of one base of the journal with the wall (eqs 10-21).
+        """Return the contact of one base with the wall (Flores et al. 2006, eqs 10-21).
+
+        Vectors are global unless they are points of a body, which are in the body's axes.
 
         **Arguments:** `bearing`, `journal`: motions of the two bodies. `base`: position and
         velocity of the base. `has_friction`: whether the contact needs a slip.
         """
+        # From the bearing's axis to the journal's centre, and from there to the base.
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         depth = self._depth(base, eccentricity)
         gap = Gap(depth, base.velocity.dot(normal), self.radius, self.clearance)

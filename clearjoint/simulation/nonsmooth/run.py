@@ -62,9 +62,9 @@ class RigidStop(eqx.Module):
 
 
 class RigidOutcome(eqx.Module):
-    """The end of a run, its bodies then in packed form, and its stops.
+    """The end of a run, its bodies then as arrays, and its S stops.
 
-    `stops`: all stops except the start, with their number in front of each array.
+    `stops`: all stops except the start; each array has a leading axis of length S - 1.
     """
 
     end: RigidRun

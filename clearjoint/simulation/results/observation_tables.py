@@ -76,6 +76,7 @@ def observation_dataset(observed: Observed) -> "xr.Dataset":
         "energy_term": observed.energies,
         COMPONENT: COMPONENTS,
     }
+    # Without contacts or reactions, say, their dimensions have no variable and get no labels.
     used = {dim for variable in variables.values() for dim in variable.dims}
     coordinates = {d: Labelled((d,), texts([*own])) for d, own in labels.items() if d in used}
     times = {"time": Labelled(ROWS, observed.times, "s", "time")}

@@ -145,10 +145,12 @@ def _passes(
     """
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
     structure = jax.tree.structure(scene)
+    # All numbers may differ from those of an earlier start, so each one is checked.
     numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
     holds += [] if numbers is None else numbers
     if not scene.joints:
         return reduce(and_, holds, jnp.asarray(True)), None, numbers is not None
+    # The wrapped functions compute by NumPy; this one is traced.
     depths = contact_depths.__wrapped__(scene, state.bodies)
     holds += [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
@@ -160,6 +162,7 @@ def _passes(
     holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
     # The coordinates represent the state: it is the same after a round trip through them.
     variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    # Without variables nothing could move.
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
         given, same = body.orientation, decoded[name].orientation

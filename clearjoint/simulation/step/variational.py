@@ -1,9 +1,9 @@
 """Derivatives of a run with respect to parameters: initial values, and values inside a step.
 
 Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
-parameter is the same step of the variational equations, error estimate included. Hence `attempt`
-differentiates the solver's step for all parameters at once, and controls the errors of variables
-and derivatives together.
+parameter is the same step of the variational equations, error estimate included. Hence an attempt
+of a step (`attempt` in `.stepping`) differentiates the solver's step for all parameters at once,
+and controls the errors of variables and derivatives together.
 """
 
 from dataclasses import replace

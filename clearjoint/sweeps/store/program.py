@@ -130,7 +130,10 @@ class _Traced:
         }
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """Return by name the values that the reductions accumulate, at the start of the run."""
+        """Return by name the values that the reductions accumulate, at the start of the run.
+
+        **Arguments:** `row`: the state at the start.
+        """
         now = self._instant(numbers, row, row)
         return {
             name: jax.tree.map(jnp.asarray, reduction.start(now))
