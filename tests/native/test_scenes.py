@@ -88,7 +88,7 @@ def inside_of_jit():
 
 EXPLICIT = [diffrax.Heun(), diffrax.Bosh3(), diffrax.Dopri5(), diffrax.Dopri8()]
 CALLS = {
-    "`simulate` with joint or absolute coordinates, any stabilisation, a ledger": runs(
+    "`simulate` with joint or absolute coordinates, any stabilisation, the energy ledger": runs(
         cj.Settings(),
         cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=cj.Projection()),
         cj.Settings(stabilisation=cj.Unstabilised(), ledger=True),

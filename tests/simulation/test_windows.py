@@ -79,11 +79,13 @@ def reduced(reductions: dict) -> dict:
 
 LEVELS = (0.05, 0.5, 0.95)
 MADE = {
-    "peak": lambda *window: cj.Peak(wave, "m", *window),
-    "statistics": lambda *window: cj.Statistics(wave, "m", *window),
-    "count": lambda *window: cj.ImpactCount("pin", *window),
-    "lost": lambda *window: cj.DissipatedEnergy(*window),
-    "quantiles": lambda *window: cj.Quantiles(wave, "m", np.linspace(-1, 1, 81), LEVELS, *window),
+    "peak": lambda after=None, until=None: cj.Peak(wave, "m", after=after, until=until),
+    "statistics": lambda after=None, until=None: cj.Statistics(wave, "m", after=after, until=until),
+    "count": lambda after=None, until=None: cj.ImpactCount("pin", after=after, until=until),
+    "lost": lambda after=None, until=None: cj.DissipatedEnergy(after=after, until=until),
+    "quantiles": lambda after=None, until=None: cj.Quantiles(
+        wave, "m", np.linspace(-1, 1, 81), LEVELS, after=after, until=until
+    ),
 }
 
 
@@ -165,7 +167,7 @@ def test_without_a_window_the_program_has_none():
     ("make", "message"),
     [
         (lambda: cj.Peak(wave, "m", after=2.0, until=1.0), "`until`.*later than after = 2.0"),
-        (lambda: cj.DissipatedEnergy(1.0, 1.0), "`until`.*later"),
+        (lambda: cj.DissipatedEnergy(after=1.0, until=1.0), "`until`.*later"),
         (lambda: cj.ImpactCount("pin", after=float("nan")), "`after or until`.*time in s"),
         (lambda: cj.ImpactTable(5, after=3.0, until=2.0), "`until`.*later than after = 3.0"),
         (lambda: cj.ArchardWear("pin", 1e-5, 2e9, until=(1, 2)), "`after or until`.*time"),
