@@ -7,14 +7,14 @@ the time.
 
 import gc
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from typing import TypeVar
 
 import equinox as eqx
 import jax
-from jax._src import core
-from jax.extend.core import ClosedJaxpr
+from jax.extend.core import ClosedJaxpr, get_opaque_trace_state
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
@@ -73,5 +73,12 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX traces a function in this thread. JAX has no public function for this."""
-    return not core.trace_state_clean()
+    """Return whether JAX traces a function in this thread."""
+    return get_opaque_trace_state() != _state_without_trace()
+
+
+@cache
+def _state_without_trace() -> object:
+    # A new thread traces nothing, even if the caller is being traced.
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(get_opaque_trace_state).result()
