@@ -15,7 +15,7 @@ from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
-from .drives.rotation import AbstractDrive
+from .drives.drivers import AbstractDrive
 from .joints.base import (
     AbstractConstraint,
     AbstractContactJoint,

@@ -13,12 +13,17 @@ from ...math.functions import wrapped
 from ...math.rotations import unit
 from ...math.vectors import ZERO, Scalar, Vector, add
 from ..contact.damping_factors import ExactRestitution
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit
 from ..contact.laws import AbstractContactLaw, require_flat_law
-from ..contact.limits import Limit
-from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Contact,
+    Motions,
+    Row,
+    require_distinct,
+)
 from ..joints.constraint_rows import relative_angle_row
-from ..joints.pairs import require_distinct
 
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of the two contacts, and the sign of the second body's rotation that each flank stops."""

@@ -10,9 +10,8 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, subtract
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, slip_velocity
+from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker

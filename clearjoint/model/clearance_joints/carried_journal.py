@@ -12,7 +12,7 @@ from ...fields.checks import require_positive, require_shape
 from ...fields.conversion import on_device
 from ...fields.types import ArrayLike
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
-from ..film.laws import FilmGap
+from ..films import FilmGap
 from .lubricated import LubricatedJoint
 
 TOLERANCE = 1e-12

@@ -28,9 +28,8 @@ from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
 from ..joints.base import (
     AbstractConstraint,
     Attachment,
@@ -42,7 +41,6 @@ from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
-from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .common import (
     AbstractSharedLawJoint,
     anchor_of,
@@ -50,7 +48,7 @@ from .common import (
     offset_between,
     require_smaller_clearance,
 )
-from .journal_bases import BASES, SIDES, JournalBases
+from .journal_bases import BASES, SHOULDERS, SIDES, BearingWall, JournalBases, shoulder_contact
 
 WIDEST_CLEARANCE = 0.1
 """Ratio of clearance to bearing radius above which a warning is issued."""

@@ -19,12 +19,17 @@ from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit
 from ..contact.laws import AbstractContactLaw, require_flat_law
-from ..contact.limits import Limit
-from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractPairAtPoints,
+    Contact,
+    Motions,
+    Row,
+)
 from ..joints.constraint_rows import Pose, rows_from_residual
-from ..joints.pairs import AbstractPairAtPoints
 from ..pen import AbstractPen
 from .backlash import FLANKS
 

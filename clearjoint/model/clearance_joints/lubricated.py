@@ -12,10 +12,9 @@ from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import Scalar, Vector
 from ..bodies import NO_WRENCH, Wrench
 from ..contact.bristles import AbstractBristleFriction
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
-from ..film.laws import AbstractFilm, FilmGap
+from ..films import AbstractFilm, FilmGap
 from ..joints.base import (
     AbstractConstraint,
     AbstractContactJoint,

@@ -7,10 +7,8 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
-from ..joints.base import AbstractConstraint, Attachment, Motions, Row
-from ..joints.constraint_rows import point_in_plane
-from ..joints.pairs import require_distinct
-from ..joints.row_combinations import distance_row
+from ..joints.base import AbstractConstraint, Attachment, Motions, Row, require_distinct
+from ..joints.constraint_rows import distance_row, point_in_plane
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .journal_bases import BASES

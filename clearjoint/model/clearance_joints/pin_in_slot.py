@@ -14,8 +14,7 @@ from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import PointInPlaneJoint
 from ..pen import AbstractPen, Marker
-from .common import AbstractSharedLawJoint, offset_at_flat_wall, require_right_angle
-from .flat_walls import FlatWall
+from .common import AbstractSharedLawJoint, FlatWall, offset_at_flat_wall, require_right_angle
 from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")

@@ -16,11 +16,11 @@ from ..joints.planes import LineInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     AbstractSharedLawJoint,
+    FlatWall,
     offset_at_flat_wall,
     require_right_angle,
     require_smaller_clearance,
 )
-from .flat_walls import FlatWall
 
 CORNERS = {
     "rear upper": (-1.0, 1.0),

@@ -8,8 +8,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractPowerLaw
-from .stiffness import AbstractElasticity, as_stiffness
+from .laws import AbstractElasticity, AbstractPowerLaw, as_stiffness
 
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):

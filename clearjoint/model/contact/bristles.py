@@ -16,7 +16,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
-from .stribeck import require_breakaway
+from .friction import require_breakaway
 
 
 class AbstractBristleFriction(AbstractConverting):

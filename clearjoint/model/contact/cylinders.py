@@ -16,9 +16,8 @@ import numpy as np
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
-from .gap import Gap
-from .limits import Limit
-from .stiffness import AbstractElasticity, AbstractMaterialPair
+from .gap import Gap, Limit
+from .laws import AbstractElasticity, AbstractMaterialPair
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]

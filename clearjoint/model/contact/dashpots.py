@@ -17,8 +17,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractPowerLaw
-from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
+from .laws import AbstractElasticity, AbstractPowerLaw, AbstractStiffness, as_stiffness
 
 
 class AbstractDashpotLaw(AbstractPowerLaw):

@@ -13,9 +13,8 @@ from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import AbstractElasticity, AbstractElasticLaw, AbstractStiffness, as_stiffness
 from .restitution import delivered_restitution
-from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):

@@ -8,16 +8,15 @@ from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
-from .base import AbstractConstraint, Motions, Row
+from .base import AbstractConstraint, AbstractPairAtPoints, Motions, Row
 from .constraint_rows import (
     coincident_points,
+    distance_row,
     perpendicular,
     point_in_plane,
     relative_angle_row,
 )
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
-from .pairs import AbstractPairAtPoints
-from .row_combinations import distance_row
 
 T = TypeVar("T")
 

@@ -10,9 +10,8 @@ from ..clearance_joints.pin_in_slot import PinInSlot
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
-from ..contact.stiffness import GivenStiffness
-from ..drives.rotation import PrescribedRotation
+from ..contact.laws import AbstractContactLaw, GivenStiffness
+from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import PointInPlaneJoint
 from ..scene import Scene
