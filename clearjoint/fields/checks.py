@@ -154,6 +154,25 @@ def require(
         )
 
 
+def require_numbers(
+    condition: Callable[..., Any],
+    argument: str,
+    values: tuple[ArrayLike, ...],
+    expected: str,
+    remedy: str,
+) -> None:
+    """Check a condition on the first of several values; the others are what it depends on.
+
+    **Arguments:** `condition`: function of the values as arrays, whose result may be traced.
+    `expected`: may contain `{0}` and so on for the values. The others are those of `require`.
+
+    **Raises:** `ValueError` if the condition is false.
+    """
+    if (known := checkable(*values)) is not None:
+        expected = expected.format(*map(as_shown, known))
+        require(condition(*known), argument, known[0], expected, remedy)
+
+
 def _shown(value: object) -> str:
     """Return a value as text of about `LONGEST` characters at most, or its size if it is longer."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:

@@ -23,10 +23,11 @@ from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
 from .drives.drivers import AbstractDriveTorque
 from .drives.in_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
-from .joints.base import AbstractForce, AbstractPairAtPoints, Attachment, Motions
+from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
 from .pen import AbstractPen, Marker
 
 SI = "give it in SI units"
+NONE = (0.0, 0.0, 0.0)
 
 
 class SpringDamper(AbstractPairAtPoints, AbstractForce):
@@ -120,7 +121,7 @@ class TorsionalSpring(AbstractDriveTorque):
         "N m s/rad", shape=(), default=0.0, positive=True, zero=True, remedy=SI
     )
     rest_angle: Single = quantity("rad", shape=(), default=0.0)
-    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque of the spring and the damper on the second body, N m.
@@ -182,9 +183,9 @@ class AppliedLoad(AbstractForce):
     """
 
     body: str = eqx.field(static=True)
-    force: TripleInTime = triple_in_time("N", default=(0.0, 0.0, 0.0))
-    torque: TripleInTime = triple_in_time("N m", default=(0.0, 0.0, 0.0))
-    point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    force: TripleInTime = triple_in_time("N", default=NONE)
+    torque: TripleInTime = triple_in_time("N m", default=NONE)
+    point: Triple = quantity("m", check=require_point, default=NONE)
 
     def body_names(self) -> tuple[str, ...]:
         """Return the name of the body."""
@@ -207,10 +208,6 @@ class AppliedLoad(AbstractForce):
     def draw(self, pen: AbstractPen) -> None:
         """Draw an arrow for the force at time zero."""
         pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))
-
-
-PARALLEL = (1.0, 0.0, 0.0, 0.0)
-NONE = (0.0, 0.0, 0.0)
 
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:

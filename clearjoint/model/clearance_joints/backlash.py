@@ -11,7 +11,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import wrapped
 from ...math.rotations import unit
-from ...math.vectors import ZERO, Scalar, Vector, add
+from ...math.vectors import ZERO, Scalar, Vector
 from ..contact.damping_factors import ExactRestitution
 from ..contact.gap import Gap, Limit
 from ..contact.laws import AbstractContactLaw, require_flat_law
@@ -23,7 +23,7 @@ from ..joints.base import (
     Row,
     require_distinct,
 )
-from ..joints.constraint_rows import relative_angle_row
+from ..joints.constraint_rows import rate_of, relative_angle_row
 
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of the two contacts, and the sign of the second body's rotation that each flank stops."""
@@ -209,7 +209,7 @@ class Backlash(AbstractContactJoint):
         row = self.relative_angle(motions)
         # The angle modulo 2 pi allows any number of revolutions, with unchanged derivatives.
         angle = wrapped(row.value - self.middle, TURN)
-        speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
+        speed = rate_of(row, motions)
         axis = motions[self.first].direction(unit(self.axis_first))
         return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
 

@@ -14,13 +14,14 @@ from jaxtyping import PyTree
 
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import optional_quantity, quantity
-from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
+from ...fields.types import Quadruple, Single, Triple
 from ...math.functions import wrapped
-from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.rotations import unit
 from ...math.smoothing import ramp
-from ...math.vectors import Scalar, add
+from ...math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import (
+    PARALLEL,
     AbstractConstraint,
     AbstractForce,
     AbstractPair,
@@ -28,10 +29,14 @@ from ..joints.base import (
     Motions,
     Row,
 )
-from ..joints.constraint_rows import point_in_plane, row_following, turning_angle
+from ..joints.constraint_rows import (
+    angle_about,
+    point_in_plane,
+    rate_of,
+    row_following,
+)
 from .functions_of_time import (
     AbstractFunctionOfTime,
-    FunctionOfTime,
     as_function_of_time,
     require_continuous,
 )
@@ -59,11 +64,15 @@ class AbstractDrive(AbstractPair):
         The row has the value of the angle, rad within (-pi, pi], and its Jacobian. The angle is
         right-handed about the axis.
         """
-        axis = unit(self.axis)
-        start, _ = transverse_axes(axis)
-        direction = rotation_matrix(self.orientation).transposed_times(start)
-        first, second = motions[self.first], motions[self.second]
-        return turning_angle((self.first, self.second), first, second, axis, direction)
+        return angle_about(*self._between(motions), self.axis, self.orientation)
+
+
+class AbstractDriveAboutAxis(AbstractDrive):
+    """A drive with the usual order of fields: names and axis first, the orientation last."""
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
 
 
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
@@ -112,7 +121,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
 
-class PrescribedRotation(AbstractRotationDriver):
+class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
     """Rotates the second body relative to the first at constant speed.
 
     For other motions use `PrescribedAngle`, or subclass `AbstractRotationDriver`.
@@ -131,12 +140,9 @@ class PrescribedRotation(AbstractRotationDriver):
     5.0 rad
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     speed: Single = quantity("rad/s", shape=())
     initial_angle: Single = quantity("rad", shape=(), default=0.0)
-    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def angle(self, t: Scalar) -> Scalar:
         """Return the initial angle plus speed times time, rad."""
@@ -175,21 +181,17 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the torque on the second body and its reaction on the first, by body."""
         angle = self.relative_angle(motions)
-        torque = self.torque_at(angle.value, _rate(angle, motions), t)
+        torque = self.torque_at(angle.value, rate_of(angle, motions), t)
         return {
             name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
         }
 
     def speed(self, motions: Motions) -> Scalar:
         """Return the rate of the angle of the second body relative to the first, rad/s."""
-        return _rate(self.relative_angle(motions), motions)
+        return rate_of(self.relative_angle(motions), motions)
 
 
-def _rate(angle: Row, motions: Motions) -> Scalar:
-    return add(*(motions[name].power(pair) for name, pair in angle.jacobian.items()))
-
-
-class DriveTorque(AbstractDriveTorque):
+class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A torque that is constant or a function of time.
 
     For a torque that depends on angle or speed subclass `AbstractDriveTorque`, or use `Motor`.
@@ -223,11 +225,8 @@ class DriveTorque(AbstractDriveTorque):
     >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     torque: SingleInTime = single_in_time("N m")
-    orientation: Quadruple = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
+    orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque at the time `t`, s, in N m."""
@@ -239,7 +238,7 @@ class DriveTorque(AbstractDriveTorque):
         return breakpoints_of(self.torque)
 
 
-class PrescribedAngle(AbstractRotationDriver):
+class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     """Prescribes the second body's angle relative to the first as a function of time; one row.
 
     ```python
@@ -266,23 +265,8 @@ class PrescribedAngle(AbstractRotationDriver):
     invalid.
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
-    orientation: Quadruple = quantity("1")
-
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        axis: TripleLike,
-        function: FunctionOfTime,
-        orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
-    ):
-        self.first, self.second = first, second
-        self.axis, self.orientation = axis, orientation
-        self.function = as_function_of_time(function)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def __check_init__(self):
         require_continuous(self.function)
@@ -323,27 +307,13 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     axis: Triple = quantity("1", check=require_axis)
     function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
 
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        point_first: TripleLike,
-        point_second: TripleLike,
-        axis: TripleLike,
-        function: FunctionOfTime,
-    ):
-        self.first, self.second = first, second
-        self.point_first, self.point_second = point_first, point_second
-        self.axis, self.function = axis, as_function_of_time(function)
-
     def __check_init__(self):
         require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the row "distance": the distance minus the prescribed distance, m."""
-        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
-        axis = unit(self.axis)
-        distance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
+        points = self.point_first, unit(self.axis), self.point_second
+        distance = point_in_plane(*self._between(motions), *points)
         return {"distance": row_following(distance, self.function, t)}
 
     def breakpoints(self) -> PyTree:
@@ -356,7 +326,7 @@ ROUNDING = 0.02
 SI = "give it in SI units"
 
 
-class Motor(AbstractDriveTorque):
+class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
 
     The torque is proportional (target - angle) + derivative (target's rate - speed), limited in
@@ -389,31 +359,11 @@ class Motor(AbstractDriveTorque):
     time.
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     target: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
     proportional: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
     derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
     torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
-    orientation: Quadruple = quantity("1")
-
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        axis: TripleLike,
-        target: FunctionOfTime,
-        proportional: Scalar,
-        derivative: Scalar,
-        torque_limit: Scalar | None = None,
-        orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
-    ):
-        self.first, self.second = first, second
-        self.axis, self.orientation = axis, orientation
-        self.target = as_function_of_time(target)
-        self.proportional, self.derivative = proportional, derivative
-        self.torque_limit = torque_limit
+    orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the control torque, N m, within the torque limit.
@@ -424,14 +374,12 @@ class Motor(AbstractDriveTorque):
         target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
-        return torque if self.torque_limit is None else _clipped(torque, self.torque_limit)
+        if self.torque_limit is None:
+            return torque
+        width = ROUNDING * self.torque_limit
+        excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
+        return torque - ramp(excess, width) + ramp(shortfall, width)
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the target, s."""
         return self.target.breakpoints()
-
-
-def _clipped(value: Scalar, limit: Scalar) -> Scalar:
-    """Return the value limited to [-limit, limit], with smooth transitions."""
-    width = ROUNDING * limit
-    return value - ramp(value - limit, width) + ramp(-value - limit, width)

@@ -27,6 +27,8 @@ from ..pen import AbstractPen, Marker
 from .motion_subspaces import AbstractMotionSubspace
 
 T = TypeVar("T")
+PARALLEL = (1.0, 0.0, 0.0, 0.0)
+"""Euler parameters of parallel frames."""
 
 Motions: TypeAlias = Mapping[str, Motion]
 """Motion of each body by name, including the ground.
@@ -409,6 +411,10 @@ class AbstractPair(AbstractElement):
     def body_names(self) -> tuple[str, ...]:
         """Return the names of the first and the second body."""
         return self.first, self.second
+
+    def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
+        """Return names and motions of both bodies: the first arguments of a constraint row."""
+        return (self.first, self.second), motions[self.first], motions[self.second]
 
 
 class AbstractPairAtPoints(AbstractPair):

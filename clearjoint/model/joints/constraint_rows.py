@@ -8,8 +8,19 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...math.functions import polar_angle, where
-from ...math.rotations import transverse_axes, unit
-from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add, multiply
+from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.vectors import (
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    ZERO,
+    EulerParameters,
+    Matrix,
+    Scalar,
+    Vector,
+    add,
+    multiply,
+)
 from ..bodies import NO_WRENCH, Motion, Wrench
 from .base import Motions, Row
 
@@ -171,13 +182,16 @@ def turning_angle(
     for name in names:
         moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
         jacobian[name] = Wrench(ZERO, moment * inverse)
-    c_rate, s_rate = (
-        add(first.power(row.jacobian[names[0]]), second.power(row.jacobian[names[1]]))
-        for row in (cosine, sine)
-    )
+    motions = dict(zip(names, (first, second), strict=True))
+    c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
     bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(polar_angle(s, c), jacobian, bias * inverse)
+
+
+def rate_of(row: Row, motions: Motions) -> Scalar:
+    """Return the part of the rate of a row's value that is due to the motion of the bodies."""
+    return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
 
 
 def relative_angle_row(
@@ -201,6 +215,20 @@ def relative_angle_row(
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
+
+
+def angle_about(
+    names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
+) -> Row:
+    """Return the angle of the second body about an axis of the first, rad in (-pi, pi], as a row.
+
+    **Arguments:** `names`, `first`, `second`: as for `turning_angle`. `axis`: in the first body's
+    axes, any length. `orientation`: from the second body's axes to the first's at angle zero.
+    """
+    axis = unit(axis)
+    start, _ = transverse_axes(axis)
+    direction = rotation_matrix(orientation).transposed_times(start)
+    return turning_angle(names, first, second, axis, direction)
 
 
 Pose = tuple[Vector, Matrix]

@@ -6,33 +6,30 @@ from dataclasses import replace
 import equinox as eqx
 
 from ...fields.checks import (
-    checkable,
     require,
     require_axis,
     require_euler_parameters,
+    require_numbers,
     require_positive,
     require_shape,
 )
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Quadruple, Single, Triple
 from ...math.functions import where, wrapped
-from ...math.rotations import rotation_matrix, transverse_axes, unit
-from ...math.vectors import EulerParameters, Matrix, Scalar, Vector, add
+from ...math.rotations import unit
+from ...math.vectors import EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
-from .base import AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import point_in_plane, scaled_row, sum_of_rows, turning_angle
+from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
+from .constraint_rows import angle_about, scaled_row, sum_of_rows
 from .ideal import AbstractAxisJoint
-from .motion_subspaces import AbstractMotionSubspace, Hinge, JointState, Relative, Twist
-
-IDENTITY = (1.0, 0.0, 0.0, 0.0)
+from .motion_subspaces import AbstractTurning, JointState, Relative, Twist
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
     require_positive(argument, value, remedy)
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        require(number.round() == number, argument, number, "a whole number, positive", remedy)
+    expected = "a whole number, positive"
+    require_numbers(lambda number: number.round() == number, argument, (value,), expected, remedy)
 
 
 class GearJoint(AbstractConstraint):
@@ -80,8 +77,8 @@ class GearJoint(AbstractConstraint):
     teeth_second: Single = quantity("1", check=_require_teeth)
     internal: bool = eqx.field(default=False, static=True)
     offset: Single = quantity("rad", shape=(), default=0.0)
-    orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=IDENTITY)
-    orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=IDENTITY)
+    orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+    orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
@@ -100,43 +97,29 @@ class GearJoint(AbstractConstraint):
         modulo a tooth of the first gear.
         """
         del t
-        first = self._angle(motions, self.first, self.axis_first, self.orientation_first)
-        second = self._angle(motions, self.second, self.axis_second, self.orientation_second)
+        carrier, gears = motions[self.carrier], (self.first, self.second)
+        axes = self.axis_first, self.axis_second
+        orientations = self.orientation_first, self.orientation_second
+        first, second = (
+            angle_about((self.carrier, gear), carrier, motions[gear], axis, orientation)
+            for gear, axis, orientation in zip(gears, axes, orientations, strict=True)
+        )
         ratio = self.teeth_second / self.teeth_first
         mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
-    def _angle(
-        self, motions: Motions, gear: str, axis: Vector, orientation: EulerParameters
-    ) -> Row:
-        """Return a gear's angle relative to the carrier, rad within (-pi, pi], as a row.
 
-        `axis` is in the carrier's axes; `orientation` transforms from the gear's axes to the
-        carrier's at angle zero.
-        """
-        start, _ = transverse_axes(unit(axis))
-        direction = rotation_matrix(orientation).transposed_times(start)
-        pair = motions[self.carrier], motions[gear]
-        return turning_angle((self.carrier, gear), *pair, unit(axis), direction)
-
-
-class ScrewMotion(AbstractMotionSubspace):
+class ScrewMotion(AbstractTurning):
     """Rotation by an angle about an axis, with a proportional advance along the axis.
 
     The position is the angle, rad; its rate is the only speed.
 
-    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
     - `axis`: unit vector in the child's axes.
-    - `reference`: Euler parameters that transform components in the child's axes to the parent's
-      at angle zero.
+    - `reference`: orientation at angle zero.
     - `pitch`: advance per angle, m/rad.
     """
 
-    point_parent: Vector
-    point_child: Vector
-    axis: Vector
-    reference: EulerParameters
     pitch: Scalar
 
     def encode(self, relative: Relative) -> JointState:
@@ -144,21 +127,10 @@ class ScrewMotion(AbstractMotionSubspace):
 
         The orientation determines the angle up to full revolutions, and the advance their number.
         """
-        hinge = self._hinge().encode(relative)
+        angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
-        error = wrapped(angle_by_advance - hinge.position, 2.0 * math.pi)
-        return JointState(angle_by_advance - error, hinge.speeds)
-
-    def orientation(self, position: Scalar) -> EulerParameters:
-        """Return Euler parameters that transform components in the child's axes to the parent's."""
-        return self._hinge().orientation(position)
-
-    def rotation(self, position: Scalar) -> Matrix:
-        """Return the matrix that transforms components in the child's axes to the parent's.
-
-        The formula for a rotation about an axis costs less than the one for Euler parameters.
-        """
-        return self._hinge().rotation(position)
+        error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
+        return JointState(angle_by_advance - error, (rate,))
 
     def displacement(self, position: Scalar) -> Vector:
         """Return the vector from the parent's point to the child's, m in the child's axes."""
@@ -168,17 +140,6 @@ class ScrewMotion(AbstractMotionSubspace):
         """Return a rotation about the axis at 1 rad/s with its advance, in the child's axes."""
         del position
         return (Twist(self.axis, self.axis * self.pitch),)
-
-    def rates(self, state: JointState) -> Scalar:
-        """Return the rate of the angle, rad/s."""
-        return state.speeds[0]
-
-    def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """Return the angle plus the change, rad."""
-        return add(position, changes[0])
-
-    def _hinge(self) -> Hinge:
-        return Hinge(self.point_parent, self.point_child, self.axis, self.reference)
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
@@ -193,10 +154,8 @@ def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
 
 def _require_lead(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a single number in m")
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
-        require(number != 0.0, argument, number, "other than zero", remedy)
+    remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
+    require_numbers(lambda lead: lead != 0.0, argument, (value,), "other than zero", remedy)
 
 
 class ScrewJoint(AbstractAxisJoint):
@@ -239,9 +198,7 @@ class ScrewJoint(AbstractAxisJoint):
         return cylindrical | {"thread": self._thread(motions)}
 
     def _thread(self, motions: Motions) -> Row:
-        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
-        axis = unit(self.axis_first)
-        advance = point_in_plane(names, *pair, self.point_first, axis, self.point_second)
+        advance = self._in_plane(motions, unit(self.axis_first))
         by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
         row = sum_of_rows((advance, by_angle))
         return replace(row, value=wrapped(row.value, self.lead))

@@ -8,7 +8,7 @@ from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
-from .base import AbstractConstraint, AbstractPairAtPoints, Motions, Row
+from .base import PARALLEL, AbstractConstraint, AbstractPairAtPoints, Motions, Row
 from .constraint_rows import (
     coincident_points,
     distance_row,
@@ -29,21 +29,23 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
-        first, second = motions[self.first], motions[self.second]
-        return coincident_points(
-            (self.first, self.second), first, second, self.point_first, self.point_second
-        )
+        return coincident_points(*self._between(motions), self.point_first, self.point_second)
 
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
-        names = (self.first, self.second)
-        return perpendicular(names, motions[self.first], motions[self.second], a, b)
+        return perpendicular(*self._between(motions), a, b)
+
+    def _in_plane(self, motions: Motions, normal: Vector) -> Row:
+        points = self.point_first, normal, self.point_second
+        return point_in_plane(*self._between(motions), *points)
+
+    def _height(self, motions: Motions, normal: Vector) -> dict[str, Row]:
+        return {"height": self._in_plane(motions, unit(normal))}
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
-        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
-        across = transverse_axes(unit(axis))
+        first, second = transverse_axes(unit(axis))
         return {
-            label: point_in_plane(names, *pair, self.point_first, normal, self.point_second)
-            for label, normal in zip(("offset 1", "offset 2"), across, strict=True)
+            "offset 1": self._in_plane(motions, first),
+            "offset 2": self._in_plane(motions, second),
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
@@ -73,10 +75,10 @@ class AbstractAxisJoint(AbstractPairJoint):
         Each row is the scalar product of the first body's axis and one of two unit vectors across
         the second body's axis.
         """
-        across = transverse_axes(unit(self.axis_second))
+        axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {
-            label: self._perpendicular(motions, unit(self.axis_first), direction)
-            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
+            "tilt 1": self._perpendicular(motions, axis, first),
+            "tilt 2": self._perpendicular(motions, axis, second),
         }
 
     def relative_angle(self, motions: Motions) -> Row:
@@ -84,9 +86,7 @@ class AbstractAxisJoint(AbstractPairJoint):
 
         The row's value is in rad within (-pi, pi], right-handed about the first body's axis.
         """
-        names = (self.first, self.second)
-        first, second = motions[self.first], motions[self.second]
-        return relative_angle_row(names, first, second, self.axis_first, self.axis_second)
+        return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
 
 class SphericalJoint(AbstractPairJoint):
@@ -175,9 +175,7 @@ class FixedJoint(AbstractPairJoint):
     ['translation x', 'translation y', 'translation z', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    orientation: Quadruple = quantity(
-        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
-    )
+    orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three translations, m, and three rotations.
@@ -279,9 +277,7 @@ class PrismaticJoint(AbstractPairJoint):
     """
 
     axis: Triple = quantity("1", check=require_axis)
-    orientation: Quadruple = quantity(
-        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
-    )
+    orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return two translations across the axis, m, and three rotations.

@@ -4,13 +4,12 @@ from ...fields.checks import require_axis
 from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.rotations import transverse_axes, unit
-from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
+from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector
 from ..pen import AbstractPen
 from .base import Motions, Row
-from .constraint_rows import point_in_plane
 from .ideal import AbstractAxisJoint, AbstractPairJoint
 from .motion_subspaces import (
-    AbstractMotionSubspace,
+    AbstractMotionAtPoints,
     Hinge,
     JointState,
     Relative,
@@ -44,7 +43,7 @@ class PointInPlaneJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return one row: the height of the second body's point above the plane, m."""
         del t
-        return {"height": _height(self, motions)}
+        return self._height(motions, self.normal)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the plane."""
@@ -82,18 +81,11 @@ class LineInPlaneJoint(AbstractPairJoint):
         """
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
-        return {"height": _height(self, motions), "tilt": tilt}
+        return self._height(motions, self.normal) | {"tilt": tilt}
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the plane through the first body's point."""
         pen.plane(*self.ends(self.normal))
-
-
-def _height(joint: PointInPlaneJoint | LineInPlaneJoint, motions: Motions) -> Row:
-    names = joint.first, joint.second
-    first, second = (motions[name] for name in names)
-    normal = unit(joint.normal)
-    return point_in_plane(names, first, second, joint.point_first, normal, joint.point_second)
 
 
 Position = tuple[Scalar, Scalar, Scalar]
@@ -101,7 +93,7 @@ Position = tuple[Scalar, Scalar, Scalar]
 and the angle about the normal, rad."""
 
 
-class PlanarMotion(AbstractMotionSubspace):
+class PlanarMotion(AbstractMotionAtPoints):
     """Translation by two distances (m) in a plane of the parent, and rotation by an angle (rad).
 
     - `point_parent`, `point_child`: points of the joint, m in each body's axes.
@@ -113,8 +105,6 @@ class PlanarMotion(AbstractMotionSubspace):
     columns would be constant, but the distances would oscillate as the child rotates.
     """
 
-    point_parent: Vector
-    point_child: Vector
     normal_parent: Vector
     normal_child: Vector
     reference: EulerParameters
@@ -167,16 +157,6 @@ class PlanarMotion(AbstractMotionSubspace):
         apart = self.displacement(state.position)
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
-    def rates(self, state: JointState) -> Position:
-        """Return the rates of the distances, m/s, and of the angle, rad/s."""
-        first, second, angular = state.speeds
-        return first, second, angular
-
-    def after_displacement(self, position: Position, changes: tuple[Scalar, ...]) -> Position:
-        """Return the position plus changes of the distances, m, and of the angle, rad."""
-        first, second, angle = map(add, position, changes)
-        return first, second, angle
-
     def without_drift(self, position: Position) -> Position:
         """Return the position with the angle within (-2 pi, 2 pi]."""
         return position[0], position[1], self._hinge().without_drift(position[2])
@@ -216,10 +196,7 @@ class PlanarJoint(AbstractAxisJoint):
         "tilt 1" and "tilt 2": cosines that are zero for parallel normals.
         """
         del t
-        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
-        normal = unit(self.axis_first)
-        height = point_in_plane(names, *pair, self.point_first, normal, self.point_second)
-        return {"height": height} | self._tilts(motions)
+        return self._height(motions, self.axis_first) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:
         """Return the subspace of two distances in the plane and an angle about its normal."""

@@ -5,12 +5,12 @@ from ...fields.declarations import quantity
 from ...fields.types import Triple
 from ...math.functions import cosine, polar_angle, sine
 from ...math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ...math.vectors import ZERO, EulerParameters, Scalar, Vector, add
+from ...math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import Motions, Row
 from .ideal import AbstractPairJoint
 from .motion_subspaces import (
-    AbstractMotionSubspace,
+    AbstractMotionAtPoints,
     Hinge,
     JointState,
     Relative,
@@ -22,7 +22,7 @@ Angles = tuple[Scalar, Scalar]
 """Angle of the cross about the parent's arm, and of the child about its own arm, rad."""
 
 
-class UniversalMotion(AbstractMotionSubspace):
+class UniversalMotion(AbstractMotionAtPoints):
     """Rotation by two angles (rad), about an arm of the parent and about an arm of the child.
 
     The position consists of the two angles; the speeds are their rates, rad/s.
@@ -31,8 +31,6 @@ class UniversalMotion(AbstractMotionSubspace):
     - `arm_parent`, `arm_child`: arms of the cross, unit vectors in each body's axes.
     """
 
-    point_parent: Vector
-    point_child: Vector
     arm_parent: Vector
     arm_child: Vector
 
@@ -93,16 +91,6 @@ class UniversalMotion(AbstractMotionSubspace):
         """
         _, change = self._parents_arm(state.position[1])
         return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
-
-    def rates(self, state: JointState) -> Angles:
-        """Return the rates of the angles, rad/s."""
-        first, second = state.speeds
-        return first, second
-
-    def after_displacement(self, position: Angles, changes: tuple[Scalar, ...]) -> Angles:
-        """Return the angles plus the changes, rad."""
-        first, second = map(add, position, changes)
-        return first, second
 
     def without_drift(self, position: Angles) -> Angles:
         """Return the angles within (-2 pi, 2 pi]."""
