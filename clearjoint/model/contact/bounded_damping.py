@@ -3,12 +3,11 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticity, AbstractPowerLaw, as_stiffness
+from .laws import AbstractElasticity, AbstractPowerLaw, as_stiffness, require_exponent
 
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
@@ -23,9 +22,7 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
     force_jumps = False
 
     def __check_init__(self):
-        if (known := checkable(self.exponent)) is not None:
-            (exponent,) = known
-            require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
+        require_exponent(self.exponent)
 
 
 class ElastoGap(AbstractBoundedDampingLaw):

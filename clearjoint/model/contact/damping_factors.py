@@ -8,9 +8,10 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.cautions import LawRangeWarning, caution
-from ...fields.checks import checkable, concrete, require
+from ...fields.checks import concrete
 from ...math.vectors import Scalar
 from .hunt_crossley import AbstractDampedLaw
+from .laws import require_rebound
 from .restitution import exact_damping_factor
 
 
@@ -113,15 +114,7 @@ class AbstractReboundingLaw(AbstractDampedLaw):
     """A law whose damping is infinite at c = 0, which raises an error."""
 
     def __check_init__(self):
-        if (known := checkable(self.restitution)) is not None:
-            (restitution,) = known
-            require(
-                restitution > 0,
-                "restitution",
-                restitution,
-                "positive for this law",
-                "its damping is infinite at 0; use a small value such as 0.01",
-            )
+        require_rebound(self.restitution)
 
 
 class Flores2011(AbstractReboundingLaw):

@@ -9,7 +9,7 @@ import abc
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import as_shown, checkable, require
+from ...fields.checks import require_numbers
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -62,7 +62,16 @@ class AbstractFriction(AbstractConverting):
         return slip * (-normal_force * per_speed)
 
 
-class RegularisedCoulomb(AbstractFriction):
+class AbstractRegularisedFriction(AbstractFriction):
+    """Base class of friction with the `coefficient` mu above a `regularisation_speed`, m/s."""
+
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
+    )
+
+
+class RegularisedCoulomb(AbstractRegularisedFriction):
     r"""Coulomb friction mu tanh(v/v_d), smoothed below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
@@ -74,17 +83,12 @@ class RegularisedCoulomb(AbstractFriction):
     0.0762
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu tanh(v/v_d)."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
-class LinearCoulomb(AbstractFriction):
+class LinearCoulomb(AbstractRegularisedFriction):
     r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
@@ -96,38 +100,28 @@ class LinearCoulomb(AbstractFriction):
     0.0500
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu min(v/v_d, 1)."""
         return self.coefficient * jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
 
 
-class Threlfall(AbstractFriction):
-    r"""mu (1 - exp(-3 v/v_r)) below the speed v_r, constant above (A. G. Threlfall 1978).
+class Threlfall(AbstractRegularisedFriction):
+    r"""mu (1 - exp(-3 v/v_d)) below the speed v_d, constant above (A. G. Threlfall 1978).
 
-    $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_r, 1)}\right)$$
+    $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
     The constant is (1 - exp(-3)) mu = 0.9502 mu; with the value 0.95 mu, which is often printed,
-    the law would jump at v_r. It creeps under load.
+    the law would jump at v_d. It creeps under load.
 
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_r, m/s.
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
 
     >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_r in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu (1 - exp(-3 min(v/v_r, 1)))."""
+        """Return mu (1 - exp(-3 min(v/v_d, 1)))."""
         rise = jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
         return -self.coefficient * jnp.expm1(-3.0 * rise)
 
@@ -151,15 +145,13 @@ class Ambrosio(AbstractFriction):
     upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
     def _check_together(self) -> None:
-        if (known := checkable(self.lower_speed, self.upper_speed)) is not None:
-            lower, upper = known
-            require(
-                upper > lower,
-                "upper_speed",
-                upper,
-                f"above lower_speed = {as_shown(lower)}",
-                "give v1 > v0 in m/s",
-            )
+        require_numbers(
+            lambda upper, lower: upper > lower,
+            "upper_speed",
+            (self.upper_speed, self.lower_speed),
+            "above lower_speed = {1}",
+            "give v1 > v0 in m/s",
+        )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
@@ -173,15 +165,13 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 
     **Raises:** `ValueError` otherwise.
     """
-    if (known := checkable(breakaway, kinetic)) is not None:
-        slow, fast = known
-        require(
-            slow >= fast,
-            "breakaway",
-            slow,
-            f"at least kinetic = {as_shown(fast)}",
-            "give mu_S >= mu_C",
-        )
+    require_numbers(
+        lambda slow, fast: slow >= fast,
+        "breakaway",
+        (breakaway, kinetic),
+        "at least kinetic = {1}",
+        "give mu_S >= mu_C",
+    )
 
 
 class AbstractFallingFriction(AbstractFriction):
@@ -224,15 +214,9 @@ class Stribeck(AbstractFallingFriction):
 
     def _check_together(self) -> None:
         super()._check_together()
-        if (known := checkable(self.exponent)) is not None:
-            (exponent,) = known
-            require(
-                exponent >= 1.0,
-                "exponent",
-                exponent,
-                "at least 1",
-                "give delta >= 1; below, the slope at rest is infinite",
-            )
+        remedy = "give delta >= 1; below, the slope at rest is infinite"
+        values = (self.exponent,)
+        require_numbers(lambda delta: delta >= 1.0, "exponent", values, "at least 1", remedy)
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return the ratio of friction to normal force at a slip speed, m/s."""

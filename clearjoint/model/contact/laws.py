@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...fields.checks import require
+from ...fields.checks import require, require_numbers
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single
@@ -300,6 +300,19 @@ class AbstractPowerLaw(AbstractElasticLaw):
     def stored_energy(self, gap: Gap) -> Scalar:
         """Return K delta^(n+1)/(n+1), J."""
         return self.stiffness.energy(gap, self.exponent)
+
+
+def require_exponent(exponent: Single) -> None:
+    """Check that the exponent of a power law is at least 1."""
+    condition = "at least 1", "use 1.5 for Hertz"
+    require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
+
+
+def require_rebound(restitution: Single) -> None:
+    """Check that the restitution is positive, for a law whose damping is infinite at zero."""
+    remedy = "its damping is infinite at 0; use a small value such as 0.01"
+    expected = "positive for this law"
+    require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
