@@ -155,7 +155,7 @@ def require(
 
 
 def require_numbers(
-    condition: Callable[..., Any],
+    condition: Callable[..., bool],
     argument: str,
     values: tuple[ArrayLike, ...],
     expected: str,

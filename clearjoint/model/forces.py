@@ -7,9 +7,8 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from ..fields.checks import (
-    checkable,
-    require,
     require_euler_parameters,
+    require_numbers,
     require_point,
     require_shape,
 )
@@ -212,10 +211,8 @@ class AppliedLoad(AbstractForce):
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
-    if (known := checkable(value)) is not None:
-        (numbers,) = known
-        is_valid, remedy = (numbers >= 0.0).all(), "give stiffness and damping in SI units"
-        require(is_valid, argument, numbers, "zero or positive", remedy)
+    expected, remedy = "zero or positive", "give stiffness and damping in SI units"
+    require_numbers(lambda k: (k >= 0.0).all(), argument, (value,), expected, remedy)
 
 
 class _Strain(NamedTuple):

@@ -7,10 +7,9 @@ from jaxtyping import PyTree
 
 from ..fields.checks import (
     as_number,
-    as_shown,
     caution_outside,
-    checkable,
     require,
+    require_numbers,
     require_positive,
     require_shape,
 )
@@ -52,10 +51,13 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-    if (known := checkable(squared_diameter, length)) is not None:
-        is_slender = known[0] <= known[1] ** 2
-        remedy = "give its diameter in m, or check mass (kg) and length (m)"
-        require(is_slender, "mass", mass, "that of a rod longer than thick", remedy)
+    require_numbers(
+        lambda _, squared, length: squared <= length**2,
+        "mass",
+        (mass, squared_diameter, length),
+        "that of a rod longer than thick",
+        "give its diameter in m, or check mass (kg) and length (m)",
+    )
     return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
 
 
@@ -131,9 +133,9 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
-    if (known := checkable(inner, diameter)) is not None:
-        expected = f"less than the diameter, {as_shown(known[1])} m"
-        require(known[0] < known[1], "inner_diameter", known[0], expected, METRES)
+    expected = "less than the diameter, {1} m"
+    values = inner, diameter
+    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, METRES)
     return inner
 
 

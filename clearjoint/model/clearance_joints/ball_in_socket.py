@@ -10,13 +10,19 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, subtract
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import AbstractSharedLawJoint, anchor_of, offset_between, require_smaller_clearance
+from .common import (
+    AbstractSharedLawJoint,
+    anchor_of,
+    offset_between,
+    require_smaller_clearance,
+    slip_at,
+)
 
 CONTACT = "ball"
 
@@ -107,8 +113,7 @@ class BallInSocket(AbstractSharedLawJoint):
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
         slip = None
         if self.friction is not None:
-            sliding = ball.velocity_at(on_ball) - socket.velocity_at(on_socket)
-            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+            slip = slip_at(socket, ball, on_socket, on_ball, normal)
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:

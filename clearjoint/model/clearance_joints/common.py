@@ -2,21 +2,31 @@
 
 import abc
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import as_shown, checkable, require
+from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, slip_velocity
-from ..contact.laws import AbstractContactLaw
-from ..joints.base import AbstractContactJoint, Contact, require_distinct
+from ..contact.gap import Gap, Limit, slip_velocity
+from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Contact,
+    Motions,
+    Row,
+    require_distinct,
+)
 
+FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
+"""Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
 """Largest cosine of the angle between two directions that count as perpendicular."""
 
@@ -25,26 +35,76 @@ LEAST_TRANSVERSE_LOAD = 1e-6
 error."""
 
 
-class AbstractSharedLawJoint(AbstractContactJoint):
-    """Base class of clearance joints whose contacts share one normal law and one friction law.
+class AbstractFrictionlessJoint(AbstractContactJoint):
+    """Base class of joints whose contacts share the normal law `law` and have no friction."""
 
-    `law` is the normal law; `friction` is the friction law, or ``None``.
+    if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
+        law: ClassVar[AbstractContactLaw]
+    else:
+        law: eqx.AbstractVar[AbstractContactLaw]
+
+    @abc.abstractmethod
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the labels of the contacts that share `law`, and `friction` if there is any."""
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the normal law of each contact by label."""
+        return dict.fromkeys(self.contact_labels(), self.law)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return ``None``: there is no friction."""
+        del name, contact, normal_force
+
+
+class AbstractFlankJoint(AbstractFrictionlessJoint):
+    """Base class of joints with two flanks, which the second body touches as it rotates."""
+
+    def __check_init__(self):
+        require_flat_law(self.law, "flanks")
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return "lower flank" and "upper flank"."""
+        return tuple(FLANKS)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of the flank `name` at a penetration, m."""
+        return self.laws()[name].limits(Gap(depth, 0.0))
+
+    @abc.abstractmethod
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
+        """Return the row that holds the second body in the middle of the play."""
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the constraint that holds the second body in the middle of the play."""
+        return CentredInPlay(self)
+
+
+class CentredInPlay(AbstractConstraint):
+    """Constraint that holds two bodies in the middle of their backlash; one row."""
+
+    joint: AbstractFlankJoint
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.joint.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the row of the joint."""
+        del t
+        return self.joint.centred_rows(motions)
+
+
+class AbstractSharedLawJoint(AbstractFrictionlessJoint):
+    """Base class of clearance joints whose contacts share a normal law and a friction law.
+
+    `friction` is the friction law, or ``None``.
     """
 
-    law: eqx.AbstractVar[AbstractContactLaw]
     friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
 
     def __check_init__(self):
         require_distinct(*self.pair())
         require_law_and_friction(self.law, self.friction)
-
-    @abc.abstractmethod
-    def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that share `law` and `friction`."""
-
-    def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law of each contact by label."""
-        return dict.fromkeys(self.contact_labels(), self.law)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes.
@@ -95,10 +155,13 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
     `radius_name` names the radius in the message of the `ValueError`.
     """
-    if (known := checkable(clearance, radius)) is not None:
-        width, size = known
-        expected = f"smaller than {radius_name} {as_shown(size)} m"
-        require(width < size, "clearance", width, expected, "check the units (m)")
+    require_numbers(
+        lambda width, size: width < size,
+        "clearance",
+        (clearance, radius),
+        f"smaller than {radius_name} {{1}} m",
+        "check the units (m)",
+    )
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
@@ -190,14 +253,21 @@ def offset_at_flat_wall(
     return clearance * np.sign(component) * upward
 
 
+def slip_at(
+    first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
+) -> Vector:
+    """Return the slip of two surfaces at a point of each body, m/s in global axes."""
+    sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
+    return slip_velocity(sliding, normal, sliding.dot(normal))
+
+
 @dataclass(frozen=True)
 class FlatWall:
     """A flat wall of the first body that stops a part of the second body.
 
     - `origin`: a point in front of the wall, m in the first body's axes.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: m, distance from the origin along the normal at which the part's centre is when the
-      part touches the wall.
+    - `room`: distance of the part's centre from the origin when it touches the wall, m.
     """
 
     origin: Vector
@@ -209,12 +279,8 @@ class FlatWall:
     ) -> Contact:
         """Return the contact of a cylinder, sphere or corner of the second body with the wall.
 
-        **Arguments:**
-
-        - `first`, `second`: motions of the wall's body and of the part's body.
-        - `centre`: of the part, m in the second body's axes.
-        - `radius`: of the part, m; 0.0 for a corner.
-        - `has_friction`: whether the contact needs a slip.
+        **Arguments:** `centre`: of the part, m in the second body's axes. `radius`: of the part, m;
+        0.0 for a corner. `has_friction`: whether the contact needs a slip.
         """
         normal = first.direction(self.normal)
         apart = second.point(centre) - first.point(self.origin)
@@ -227,8 +293,5 @@ class FlatWall:
         to_surface = subtract(radius, 0.5 * depth)
         on_first = centre_in_first + self.normal * to_surface
         on_second = centre + second.components(normal * to_surface)
-        slip = None
-        if has_friction:
-            sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
-            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+        slip = slip_at(first, second, on_first, on_second, normal) if has_friction else None
         return Contact(gap, normal, on_first, on_second, slip, centre_in_first, centre)

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 from ...fields.checks import (
-    as_shown,
     caution_above,
-    checkable,
     concrete,
-    require,
     require_axis,
+    require_numbers,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -19,11 +17,9 @@ from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
-from ..contact.gap import Gap, Limit
-from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.gap import Gap
+from ..contact.laws import AbstractContactLaw
 from ..joints.base import (
-    AbstractConstraint,
-    AbstractContactJoint,
     AbstractPairAtPoints,
     Contact,
     Motions,
@@ -31,7 +27,7 @@ from ..joints.base import (
 )
 from ..joints.constraint_rows import Pose, rows_from_residual
 from ..pen import AbstractPen
-from .backlash import FLANKS
+from .common import FLANKS, AbstractFlankJoint
 
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m."""
@@ -97,18 +93,16 @@ class LineOfCentres:
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        require(
-            (number == number.round()) & (abs(number) >= 1.0),
-            argument,
-            number,
-            "a whole number",
-            "count the teeth; use a negative number for an internal second gear",
-        )
+    require_numbers(
+        lambda number: (number == number.round()) & (abs(number) >= 1.0),
+        argument,
+        (value,),
+        "a whole number",
+        "count the teeth; use a negative number for an internal second gear",
+    )
 
 
-class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
+class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     r"""Two spur gears in mesh, with backlash between their involute teeth.
 
     $$\delta = \pm s - (r_1 + r_2) (\mathrm{inv}\, \alpha' - \mathrm{inv}\, \alpha) - \frac{j}{2}
@@ -191,28 +185,21 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     )
     phase: Single = quantity("rad", shape=(), default=0.0)
 
-    def __check_init__(self):
-        require_flat_law(self.law, "flanks")
-
     def _check_together(self) -> None:
-        if (known := checkable(self.teeth_first, self.teeth_second)) is not None:
-            first, second = known
-            require(
-                (first > 0.0) & ((second > 0.0) | (-second > first)),
-                "teeth_second",
-                second,
-                f"positive, or more than the first gear's {as_shown(first)} for an internal gear",
-                "name the inner gear first, with a positive number, and the internal one second",
-            )
-        if (known := checkable(self.backlash, self.module)) is not None:
-            backlash, module = known
-            require(
-                backlash < math.pi * module,
-                "backlash",
-                backlash,
-                f"smaller than the pitch of {as_shown(math.pi * module)} m",
-                "check the units (m)",
-            )
+        require_numbers(
+            lambda second, first: (first > 0.0) & ((second > 0.0) | (-second > first)),
+            "teeth_second",
+            (self.teeth_second, self.teeth_first),
+            "positive, or more than the first gear's {1} for an internal gear",
+            "name the inner gear first, with a positive number, and the internal one second",
+        )
+        require_numbers(
+            lambda backlash, pitch: backlash < pitch,
+            "backlash",
+            (self.backlash, math.pi * self.module),
+            "smaller than the pitch of {1} m",
+            "check the units (m)",
+        )
 
     def _caution_together(self) -> None:
         module = concrete(self.module)
@@ -224,14 +211,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def pair(self) -> tuple[str, str]:
         """Return the names of the first and the second gear's body."""
         return self.first, self.second
-
-    def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label, "lower flank" and "upper flank"."""
-        return dict.fromkeys(FLANKS, self.law)
-
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the flank `name` at a penetration, m."""
-        return self.laws()[name].limits(Gap(depth, 0.0))
 
     def deepest(self) -> dict[str, Scalar]:
         """Return the largest meaningful penetration of each flank by label, m.
@@ -318,13 +297,17 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
             self.point_second + second.components(from_second),
         )
 
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return ``None``: the mesh has no friction."""
-        del name, contact, normal_force
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
+        """Return the row "mesh": the displacement along the line of action from the middle of the
+        play, m.
+        """
 
-    def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the gears' teeth in the middle of the play."""
-        return CentredMesh(self)
+        def residual(first: Pose, second: Pose) -> tuple[Scalar]:
+            poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
+            return (self.displacement(*poses),)
+
+        names, *bodies = self._between(motions)
+        return rows_from_residual(names, ("mesh",), residual, *bodies)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw two gears, with a tooth of the second in a gap of the first."""
@@ -334,26 +317,3 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         teeth = self.teeth_first, self.teeth_second
         pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
         pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
-
-
-class CentredMesh(AbstractConstraint):
-    """Constraint that holds two gears in the middle of their backlash; one row."""
-
-    gears: GearBacklash
-
-    def body_names(self) -> tuple[str, ...]:
-        """Return the names of the gears' bodies."""
-        return self.gears.pair()
-
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh": the displacement along the line of action from the middle of the
-        play, m.
-        """
-        del t
-
-        def residual(first: Pose, second: Pose) -> tuple[Scalar]:
-            poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
-            return (self.gears.displacement(*poses),)
-
-        names = self.gears.pair()
-        return rows_from_residual(names, ("mesh",), residual, *(motions[name] for name in names))

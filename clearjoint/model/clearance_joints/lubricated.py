@@ -1,8 +1,11 @@
 """Revolute joint with clearance and a lubricant film."""
 
+from functools import wraps
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ...fields.checks import require
 from ...fields.declarations import quantity
@@ -11,19 +14,13 @@ from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import Scalar, Vector
 from ..bodies import NO_WRENCH, Wrench
-from ..contact.bristles import AbstractBristleFriction
 from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
 from ..films import AbstractFilm, FilmGap
 from ..joints.base import (
-    AbstractConstraint,
     AbstractContactJoint,
-    Attachment,
-    Contact,
     Motions,
-    Row,
 )
-from ..pen import AbstractPen
 from .clearance import ClearanceJoint
 from .journal_bases import BASES, SIDES, JournalBase
 
@@ -93,6 +90,16 @@ class BlendedContactLaw(AbstractContactLaw):
 
 THINNEST_FILM = 1e-3
 """Smallest allowed ratio of film thickness to clearance."""
+
+
+def _of_dry_joint(name: str) -> PyTree:
+    """Return a method that calls the method `name` of the field `dry`."""
+
+    @wraps(getattr(ClearanceJoint, name))
+    def method(self: "LubricatedJoint", *arguments: PyTree, **options: PyTree) -> PyTree:
+        return getattr(self.dry, name)(*arguments, **options)
+
+    return method
 
 
 class LubricatedJoint(AbstractContactJoint):
@@ -165,13 +172,21 @@ class LubricatedJoint(AbstractContactJoint):
         """Radial clearance, m."""
         return self.dry.clearance
 
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the bearing's body and the journal's body."""
-        return self.dry.pair()
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal, m in body axes."""
-        return self.dry.attachments()
+    pair = _of_dry_joint("pair")
+    attachments = _of_dry_joint("attachments")
+    contacts = _of_dry_joint("contacts")
+    rows = _of_dry_joint("rows")
+    friction_force = _of_dry_joint("friction_force")
+    bristle_laws = _of_dry_joint("bristle_laws")
+    deepest = _of_dry_joint("deepest")
+    law_limits = _of_dry_joint("law_limits")
+    journal_offset = _of_dry_joint("journal_offset")
+    relative_angle = _of_dry_joint("relative_angle")
+    slid_out = _of_dry_joint("slid_out")
+    centred_joint = _of_dry_joint("centred_joint")
+    resting_joint = _of_dry_joint("resting_joint")
+    anchor = _of_dry_joint("anchor")
+    draw = _of_dry_joint("draw")
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law by label: blended for the bases "V" and "W", unchanged for
@@ -183,10 +198,6 @@ class LubricatedJoint(AbstractContactJoint):
             else law
             for name, law in self.dry.laws().items()
         }
-
-    def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label, which is that of the dry joint."""
-        return self.dry.contacts(motions)
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
@@ -246,76 +257,3 @@ class LubricatedJoint(AbstractContactJoint):
     def _film_factor(self, eccentricity: Vector) -> Scalar:
         size, _ = norm_and_direction(eccentricity)
         return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
-
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the dry friction force on the journal at the base `name`, N in global axes.
-
-        It is ``None`` without friction.
-        """
-        return self.dry.friction_force(name, contact, normal_force)
-
-    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of both bases by label; empty if the dry joint has none."""
-        return self.dry.bristle_laws()
-
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of both bases by label, m."""
-        return self.dry.deepest()
-
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the base or shoulder `name` at a penetration,
-        m.
-        """
-        return self.dry.law_limits(name, depth)
-
-    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
-
-        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
-        "W", or ``None``, the default, for the journal's centre.
-        """
-        return self.dry.journal_offset(motions, base)
-
-    def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis as a row.
-
-        The row's value is in rad within (-pi, pi].
-        """
-        return self.dry.relative_angle(motions)
-
-    def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which the journal has left a bearing of the same length, m.
-
-        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
-        """
-        return self.dry.slid_out(motions)
-
-    def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that holds the journal in the middle of the bearing."""
-        return self.dry.centred_joint()
-
-    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall.
-
-        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
-        bearing's body.
-        """
-        return self.dry.resting_joint(load)
-
-    def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the joint's centres on this body and on the ground, m.
-
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
-        return self.dry.anchor()
-
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
-
-        Its value is the distance of the journal's centre from the bearing's middle plane, m.
-        """
-        return self.dry.rows(motions, t)
-
-    def draw(self, pen: AbstractPen) -> None:
-        """Draw the joint without the film."""
-        self.dry.draw(pen)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number, checkable, require, require_finite
+from ...fields.checks import as_number, require, require_finite, require_numbers
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Column, TableRows
@@ -54,12 +54,13 @@ class AbstractFunctionOfTime(AbstractConverting):
         return ()
 
 
-class _PlainFunction(AbstractFunctionOfTime):
+class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time, which becomes part of the compiled program."""
 
-    function: Callable[[jax.Array], Scalar] = eqx.field(static=True)
+    function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
     def __call__(self, t: Scalar) -> Scalar:
+        """Return the value, or three values, at a time in s."""
         return self.function(jnp.asarray(t, dtype=float))
 
 
@@ -93,7 +94,17 @@ class Polynomial(AbstractFunctionOfTime):
         return value
 
 
-class Spline(AbstractFunctionOfTime):
+class AbstractTable(AbstractFunctionOfTime):
+    """Base class of functions from a table of `times`, (N,) s, and `values`, (N,) or (N, 3)."""
+
+    times: Column = quantity("s", table=True)
+    values: TableRows = quantity("1", table=True)
+
+    def __check_init__(self):
+        require_table(self.times, self.values)
+
+
+class Spline(AbstractTable):
     """Cubic Hermite polynomials between the times of a table of values and rates.
 
     `Spline.through(times, values)` computes the rates for continuous curvature that is zero at the
@@ -113,13 +124,9 @@ class Spline(AbstractFunctionOfTime):
     1.0, 0.6875
     """
 
-    times: Column = quantity("s", table=True)
-    values: TableRows = quantity("1", table=True)
     rates: TableRows = quantity("1/s", table=True)
 
-    def __check_init__(self):
-        require_rising(self.times)
-        require_rows("values", self.values, np.shape(self.times))
+    def _check_together(self) -> None:
         expected = f"of the shape {np.shape(self.values)} of `values`"
         rates = np.shape(self.rates)
         require(rates == np.shape(self.values), "rates", rates, expected, "give one per value")
@@ -138,8 +145,7 @@ class Spline(AbstractFunctionOfTime):
         from scipy.interpolate import CubicSpline
 
         times, values = as_number(times, "times", "s"), as_number(values, "values")
-        require_rising(times)
-        require_rows("values", values, np.shape(times))
+        require_table(times, values)
         spline = CubicSpline(np.asarray(times), np.asarray(values), bc_type="natural")
         return Spline(times, values, spline(times, 1))
 
@@ -154,10 +160,6 @@ class Spline(AbstractFunctionOfTime):
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
 
-    def breakpoints(self) -> PyTree:
-        """Return an empty tuple: the spline is smooth enough for the integration."""
-        return ()
-
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
 """Types that users may pass as a function of time."""
@@ -171,7 +173,7 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
-        return _PlainFunction(value)
+        return PlainFunction(value)
     number = as_number(value, "function")
     remedy = (
         "pass a number, a function of the time, or for a table Spline.through(times, values) or "
@@ -181,18 +183,20 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     return Polynomial([number])
 
 
-def require_rising(times: ArrayLike) -> None:
-    """Check that `times`, s, is a row of at least two increasing numbers.
+def require_table(times: ArrayLike, values: ArrayLike) -> None:
+    """Check a table: at least two increasing times, (N,) s, and a value, or three, for each.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` that names the argument `times` or `values`.
     """
     shape = np.shape(times)
     remedy = "pass at least two times, sorted and without duplicates"
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
     require_finite("times", times)
-    if (known := checkable(times)) is not None:
-        (numbers,) = known
-        require((numbers[1:] > numbers[:-1]).all(), "times", numbers, "increasing", remedy)
+    require_numbers(lambda t: (t[1:] > t[:-1]).all(), "times", (times,), "increasing", remedy)
+    given, remedy = np.shape(values), "give one value per time, or three for a force"
+    expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
+    require(given in (shape, (*shape, 3)), "values", given, expected, remedy)
+    require_finite("values", values)
 
 
 def require_continuous(function: AbstractFunctionOfTime) -> None:
@@ -205,21 +209,7 @@ def require_continuous(function: AbstractFunctionOfTime) -> None:
     require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
 
 
-def require_rows(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Check that values have one finite number, or three, for each time.
-
-    **Arguments:** `argument`: name of the values in the error. `values`: of the shape `shape`, or
-    (*shape, 3). `shape`: (N,), shape of the times.
-
-    **Raises:** `ValueError` otherwise.
-    """
-    given, remedy = np.shape(values), "give one value per time, or three for a force"
-    expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
-    require(given in (shape, (*shape, 3)), argument, given, expected, remedy)
-    require_finite(argument, values)
-
-
-class PiecewiseConstant(AbstractFunctionOfTime):
+class PiecewiseConstant(AbstractTable):
     """A step function from a table, for torques and loads that are switched.
 
     Each value holds from its time until the next; the first value also holds before the first time,
@@ -243,13 +233,7 @@ class PiecewiseConstant(AbstractFunctionOfTime):
     times are not increasing.
     """
 
-    times: Column = quantity("s", table=True)
-    values: TableRows = quantity("1", table=True)
     jumps: ClassVar[bool] = True
-
-    def __check_init__(self):
-        require_rising(self.times)
-        require_rows("values", self.values, np.shape(self.times))
 
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""
@@ -261,7 +245,7 @@ class PiecewiseConstant(AbstractFunctionOfTime):
         return self.times[1:]
 
 
-class PiecewiseLinear(AbstractFunctionOfTime):
+class PiecewiseLinear(AbstractTable):
     """Linear interpolation of a table, such as ramps and trapezoids.
 
     The first value holds before the first time, the last value after the last time. All times are
@@ -282,13 +266,6 @@ class PiecewiseLinear(AbstractFunctionOfTime):
 
     **Raises:** `ValueError` as for `PiecewiseConstant`.
     """
-
-    times: Column = quantity("s", table=True)
-    values: TableRows = quantity("1", table=True)
-
-    def __check_init__(self):
-        require_rising(self.times)
-        require_rows("values", self.values, np.shape(self.times))
 
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""

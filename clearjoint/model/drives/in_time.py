@@ -1,11 +1,8 @@
 """Fields of elements, such as a torque, that are constant numbers or functions of time."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import TypeAlias
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
@@ -13,7 +10,12 @@ from ...fields.checks import as_number, require, require_shape
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector
-from .functions_of_time import AbstractFunctionOfTime, FunctionOfTime, as_function_of_time
+from .functions_of_time import (
+    AbstractFunctionOfTime,
+    FunctionOfTime,
+    PlainFunction,
+    as_function_of_time,
+)
 
 SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
 """A number or a function of time."""
@@ -21,15 +23,6 @@ TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, 
 """Three components, each a number or a function of time, or one function that returns three
 numbers."""
 ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a function of time"
-
-
-class _PlainVectorFunction(AbstractFunctionOfTime):
-    """A Python function that returns three numbers: part of the compiled program."""
-
-    function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
-
-    def __call__(self, t: Scalar) -> PyTree:
-        return self.function(jnp.asarray(t, dtype=float))
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
@@ -65,7 +58,7 @@ def as_triple_in_time(value: PyTree) -> PyTree:
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
-        return _PlainVectorFunction(value)
+        return PlainFunction(value)
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_number(value)
