@@ -52,9 +52,9 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
 2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
 3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
 4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap from `BearingWall`
-   in `bearing_surfaces.py`, which subtracts the clearance from the eccentricity.
+   in `journal_bases.py`, which subtracts the clearance from the eccentricity.
 5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
-   depends on the clearance too (`RavnStiffness` in `model/contact/stiffness.py`).
+   depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
 
 **Examples** in docstrings assume these lines, after `cj.configure()`:
 
@@ -67,6 +67,8 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
 >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
 >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
 >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+>>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+>>> motions = {"ground": still, "arm": still}
 >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
 """
 

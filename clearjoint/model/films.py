@@ -142,15 +142,8 @@ class CaponeFilm(AbstractFilm):
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
 
-    >>> gap = extend.FilmGap(
-    ...     axis=extend.UNIT_Z,
-    ...     offset=extend.Vector(0.5, 0.0, 0.0),
-    ...     rate=extend.Vector(0.0, -100.0, 0.0),
-    ...     spin=200.0,
-    ...     bearing_radius=25e-3,
-    ...     clearance=50e-6,
-    ...     length=12.5e-3,
-    ... )
+    >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
+    >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
     >>> force = cj.films.CaponeFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -69.4 N, 94.5 N
@@ -199,15 +192,8 @@ class PinkusSternlichtFilm(AbstractFilm):
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
     Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
 
-    >>> gap = extend.FilmGap(
-    ...     axis=extend.UNIT_Z,
-    ...     offset=extend.Vector(0.5, 0.0, 0.0),
-    ...     rate=extend.Vector(0.0, -100.0, 0.0),
-    ...     spin=200.0,
-    ...     bearing_radius=25e-3,
-    ...     clearance=50e-6,
-    ...     length=12.5e-3,
-    ... )
+    >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
+    >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
     >>> force = cj.films.PinkusSternlichtFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -1111.1 N, 3023.0 N
@@ -216,10 +202,7 @@ class PinkusSternlichtFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N.
-
-        The formula is rearranged so that nothing is divided by the eccentricity or its rate.
-        """
+        """Return the force on the journal, N, without division by eccentricity or rate."""
         offset, rate = gap.offset, gap.rate
         square = offset.dot(offset)
         rho = 1.0 - square
@@ -282,15 +265,8 @@ class ButenschoenFilm(AbstractFilm):
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
     `hydrodynamic_plain_bearing`.
 
-    >>> gap = extend.FilmGap(
-    ...     axis=extend.UNIT_Z,
-    ...     offset=extend.Vector(0.5, 0.0, 0.0),
-    ...     rate=extend.Vector(0.0, -100.0, 0.0),
-    ...     spin=200.0,
-    ...     bearing_radius=25e-3,
-    ...     clearance=50e-6,
-    ...     length=12.5e-3,
-    ... )
+    >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
+    >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
     >>> force = cj.films.ButenschoenFilm(viscosity=0.02).force(gap)
     >>> print(f"{force.x:.1f} N, {force.y:.1f} N")
     -61.0 N, 89.4 N
@@ -315,10 +291,7 @@ class ButenschoenFilm(AbstractFilm):
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the range of width-to-diameter ratios for which the film law is valid.
-
-        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
-        """
+        """Return the valid range of width over diameter, from the radius and the length, m."""
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__
         return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)

@@ -64,9 +64,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrenches on both bodies by name: opposite forces along the line between the
-        points.
-        """
+        """Return opposite forces along the line between the points, by body name."""
         del t
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
@@ -123,10 +121,7 @@ class TorsionalSpring(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque of the spring and the damper on the second body, N m.
-
-        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: not used.
-        """
+        """Return the torque on the second body, N m, from angle, rad, and speed, rad/s."""
         del t
         return -(self.stiffness * self._twist(angle) + self.damping * speed)
 
@@ -296,11 +291,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         )
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench of all springs and dampers on each body, by body name.
-
-        On the first body the forces and torques act in the direction of the deformation, on the
-        second body they are equal and opposite.
-        """
+        """Return the wrench of all springs and dampers on each body, by body name."""
         del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)

@@ -29,10 +29,7 @@ def unconnected_bodies(
     joints: Mapping[str, AbstractElement],
     forces: Mapping[str, AbstractElement],
 ) -> list[str]:
-    """Return the names of the bodies on which no joint and no force acts.
-
-    The list is empty for a scene without joints.
-    """
+    """Return the bodies on which no joint and no force acts; none without joints."""
     named = {
         body for element in (*joints.values(), *forces.values()) for body in element.body_names()
     }
@@ -57,10 +54,7 @@ def unheld_drives(
 
 
 def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """Return the names of the bodies that chains of links connect with a body, and its own name.
-
-    A link is the names of all bodies of one joint.
-    """
+    """Return the bodies that chains of links, the names in each joint, connect with a body."""
     connected, remaining = {body}, [set(link) for link in links]
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
@@ -165,10 +159,7 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the bristle laws, ``laws[joint][contact]``, by joint name and contact label.
-
-        Joints without bristle laws are left out.
-        """
+        """Return ``laws[joint][contact]`` of the joints that have bristle laws."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
@@ -200,10 +191,7 @@ def _hint_for(element: object) -> str:
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that all bodies that an element names are in the scene.
-
-    **Raises:** `ValueError` with the nearest known name; `argument` names the element.
-    """
+    """Check that all bodies that an element, named by `argument`, names are in the scene."""
     known = {GROUND, *bodies}
     for name in element.body_names():
         if name in known:

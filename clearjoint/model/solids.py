@@ -33,10 +33,7 @@ class Solid(NamedTuple):
 
 
 def require_one(mass: Number, density: Number) -> None:
-    """Check that exactly one of mass and density is not ``None``.
-
-    **Raises:** `ValueError` otherwise.
-    """
+    """Check that exactly one of mass and density is not ``None``."""
     given = {"mass": mass, "density": density}
     named = [name for name, value in given.items() if value is not None]
     remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
@@ -111,10 +108,7 @@ def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Numb
 
 
 def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
-    """Return a solid of revolution about the body's `axis`, "x", "y" or "z".
-
-    **Arguments:** `mass`: kg. `about`, `across`: moments about and across the axis, kg m^2.
-    """
+    """Return a solid of revolution about "x", "y" or "z" from its moments, kg m^2."""
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
     return Solid(mass, as_numbers([about if axis == name else across for name in AXES]))
 

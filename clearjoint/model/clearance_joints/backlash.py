@@ -42,13 +42,7 @@ DEFAULT_RADIUS = 0.01
 def _flank_law(
     radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
 ) -> AbstractContactLaw:
-    """Return a linear contact law whose couple has a given torsional stiffness.
-
-    **Arguments:** `radius`: of the flanks, m. `torsional_stiffness`: N m/rad, must not be ``None``.
-    `restitution`: 0.5 if ``None``.
-
-    **Raises:** `ValueError` if the torsional stiffness is missing or not positive.
-    """
+    """Return a linear law whose couple has a torsional stiffness, N m/rad, at a radius, m."""
     require(
         torsional_stiffness is not None,
         "law",
@@ -184,10 +178,7 @@ class Backlash(AbstractFlankJoint):
         return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each flank by label, m.
-
-        It is half of the arc from the flank to the point opposite the middle of the play.
-        """
+        """Return half of the arc from a flank to the point opposite the middle of the play, m."""
         deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
         return dict.fromkeys(FLANKS, deepest)
 

@@ -95,10 +95,7 @@ class BallInSocket(AbstractSharedLawJoint):
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contact by label, "ball".
-
-        Its normal points from the socket's centre to the ball's.
-        """
+        """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         centres = self.socket_point, self.ball_point
         eccentricity, normal = norm_and_direction(
@@ -130,12 +127,7 @@ class BallInSocket(AbstractSharedLawJoint):
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the spherical joint that holds the ball where a load presses it to the wall.
-
-        Return ``None`` if the load is zero.
-
-        **Arguments:** `load`: (3,) N, force of the ball on the socket, in the socket's body axes.
-        """
+        """Return the spherical joint that holds the ball where a load, (3,) N, presses it."""
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
@@ -143,10 +135,7 @@ class BallInSocket(AbstractSharedLawJoint):
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the centres on this body and on the ground, m.
-
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
+        """Return the moving body's name, and the centres on this body and on the ground, m."""
         return anchor_of(self.pair(), (self.socket_point, self.ball_point))
 
     def draw(self, pen: AbstractPen) -> None:

@@ -202,24 +202,16 @@ class ClearanceJoint(AbstractSharedLawJoint):
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: "V" and "W", and "lower shoulder" and "upper shoulder" if
-        the axial policy has shoulders.
-        """
+        """Return the normal law by label: "V" and "W", and those of shoulders."""
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of both bases by label, m.
-
-        It is the journal's radius: there the journal's axis leaves the bearing.
-        """
+        """Return the journal's radius, m: there the journal's axis leaves the bearing."""
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a contact's normal law.
-
-        **Arguments:** `name`: label of a base or shoulder. `depth`: penetration, m.
-        """
+        """Return the validity limits of the law of a base or shoulder at a penetration, m."""
         radii = (self.bearing_radius, self.clearance) if name in BASES else ()
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
@@ -269,10 +261,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis as a row.
-
-        The row's value is in rad within (-pi, pi].
-        """
+        """Return the journal's angle about the bearing's axis, rad in (-pi, pi], as a row."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
@@ -292,35 +281,22 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint without clearance: a revolute joint, or a cylindrical joint if the
-        journal is axially free.
-        """
+        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall.
-
-        Return ``None`` if the load has no component across the axis.
-
-        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
-        bearing's body.
-        """
+        """Return the ideal joint that holds the journal where a load, (3,) N, presses it."""
         offset = offset_at_wall(self.bearing_axis, self.clearance, load)
         return None if offset is None else self._ideal(self.bearing_point + offset)
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint that holds the journal's centre at a point of the bearing's body,
-        (3,) m.
-        """
+        """Return the joint that holds the journal's centre at a point of the bearing, (3,) m."""
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), *points, *axes)
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the joint's centres on this body and on the ground, m.
-
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
+        """Return the moving body's name, and the centres on this body and on the ground, m."""
         return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
 
     def _offset(self, bearing: Motion, journal: Motion) -> Vector:
@@ -333,10 +309,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
-
-        Its value is the distance of the journal's centre from the bearing's middle plane, m.
-        """
+        """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
         del t
         if not self.axial.holds_centre:
             return {}

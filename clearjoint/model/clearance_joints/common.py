@@ -107,11 +107,7 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
         require_law_and_friction(self.law, self.friction)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes.
-
-        It is ``None`` without friction. The bristle law of steady sliding is used for a joint with
-        bristles.
-        """
+        """Return the friction on the second body, N; with bristles that of steady sliding."""
         del name
         if self.friction is None or contact.slip is None:
             return None
@@ -125,10 +121,7 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
 
 
 def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
-
-    **Raises:** `ValueError` that names the argument `law` or `friction`.
-    """
+    """Check the classes of a normal law and of a friction law; the friction may be ``None``."""
     kinds = {
         "law": (law, (AbstractContactLaw,)),
         "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
@@ -151,10 +144,7 @@ def _remedy(value: object, names: str) -> str:
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m.
-
-    `radius_name` names the radius in the message of the `ValueError`.
-    """
+    """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`."""
     require_numbers(
         lambda width, size: width < size,
         "clearance",
@@ -165,10 +155,7 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction, (3,), is perpendicular to an axis, (3,).
-
-    `argument` and `other` name the direction and the axis in the message of the `ValueError`.
-    """
+    """Check that a direction, (3,), is perpendicular to another one, an axis, (3,)."""
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5

@@ -64,14 +64,7 @@ class LineOfCentres:
     def between(
         first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
     ) -> "LineOfCentres":
-        """Return the line of centres of two gears.
-
-        **Arguments:**
-
-        - `first`, `second`: motions of the gears' bodies.
-        - `centre_first`, `centre_second`: centre of each gear, m in its body's axes.
-        - `axis`: of the first gear, in its body's axes, any length.
-        """
+        """Return the line between two centres, m, about an axis, in the bodies' axes."""
         axis = first.direction(unit(axis))
         apart = second.point(centre_second) - first.point(centre_first)
         height = apart.dot(axis)
@@ -79,13 +72,7 @@ class LineOfCentres:
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of the line of centres as seen from a gear, rad within (-pi, pi].
-
-        The angle is measured about the gear's axis from the first of its `transverse_axes`, which
-        are fixed to the gear.
-
-        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
-        """
+        """Return the line's angle in a gear's axes, rad, from the first of `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
@@ -213,10 +200,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each flank by label, m.
-
-        It is half of a tooth's thickness along the line of action.
-        """
+        """Return half of a tooth's thickness along the line of action, m, for both flanks."""
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
         return dict.fromkeys(FLANKS, deepest)
@@ -230,12 +214,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the gears' displacement s along the line of action from the middle of the play, m.
-
-        It is taken modulo the base pitch, and positive towards the upper flank.
-
-        **Arguments:** `first`, `second`: motions of the gears' bodies.
-        """
+        """Return the displacement s from the middle of the play, m, modulo the base pitch."""
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
         # The second axis may be antiparallel to the first: its angle then counts backwards.
@@ -250,10 +229,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return LineOfCentres.between(first, second, *points, self.axis_first)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contacts by label, "lower flank" and "upper flank".
-
-        Both forces act at the pitch point.
-        """
+        """Return the contacts of both flanks by label; both forces act at the pitch point."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         at_first, at_second = self._pitch_point(first, second, line)
@@ -285,10 +261,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def _pitch_point(
         self, first: Motion, second: Motion, line: LineOfCentres
     ) -> tuple[Vector, Vector]:
-        """Return the pitch point, m in the axes of the first body and in those of the second.
-
-        It divides the line of centres in the ratio of the numbers of teeth.
-        """
+        """Return the point that divides the line in the ratio of teeth, m in each body's axes."""
         share = self.teeth_first / (self.teeth_first + self.teeth_second)
         from_first = line.along * (line.distance * share)
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
@@ -298,9 +271,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         )
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row "mesh": the displacement along the line of action from the middle of the
-        play, m.
-        """
+        """Return the row "mesh": the displacement from the middle of the play, m."""
 
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:
             poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))

@@ -74,9 +74,7 @@ class GroupedContactJoint(AbstractContactJoint):
         return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction forces on the second bodies, N in global axes; ``None`` without
-        friction.
-        """
+        """Return the friction forces, N in global axes; ``None`` without friction."""
 
         def of(
             joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
@@ -145,9 +143,7 @@ class GroupedBristleLaw(AbstractBristleFriction):
         return self._each("rate", deflection, slip)
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the ratios of friction to normal force, for deflections, m, their rates, m/s, and
-        slips, m/s.
-        """
+        """Return the ratios for deflections, m, their rates, m/s, and slips, m/s."""
         return self._each("ratio", deflection, rate, slip)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:

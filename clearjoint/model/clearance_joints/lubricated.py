@@ -31,10 +31,7 @@ NODES, WEIGHTS = (
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return a factor that rises smoothly with the penetration, from 0 to 1.
-
-    It is 0 at a `depth` of 0 m or less, and 1 from the depth `transition`, m, onwards.
-    """
+    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m."""
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
@@ -189,9 +186,7 @@ class LubricatedJoint(AbstractContactJoint):
     draw = _of_dry_joint("draw")
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: blended for the bases "V" and "W", unchanged for
-        shoulders.
-        """
+        """Return the normal law by label: blended for the bases, unchanged for shoulders."""
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
             if name in BASES
@@ -209,10 +204,7 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film on the bearing's and on the journal's body.
-
-        **Arguments:** `motions`: of the bodies by name. `base`: position and velocity of the base.
-        """
+        """Return the wrenches of half the film on the bearing's and on the journal's body."""
         bearing, journal = (motions[name] for name in self.pair())
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.

@@ -97,9 +97,7 @@ class PinInSlot(AbstractSharedLawJoint):
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the pin's contacts by label: walls, and ends if the slot has
-        ends.
-        """
+        """Return the contacts by label: walls, and ends if the slot has ends."""
         slot, pin = (motions[name] for name in self.pair())
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
@@ -124,12 +122,7 @@ class PinInSlot(AbstractSharedLawJoint):
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the pin where a load presses it to a wall.
-
-        Return ``None`` if the load has no component along the walls' normal.
-
-        **Arguments:** `load`: (3,) N, force of the pin on the slot, in the axes of the slot's body.
-        """
+        """Return the ideal joint that holds the pin where a load, (3,) N, presses it."""
         offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
         return None if offset is None else self._ideal(self.slot_point + offset)
 

@@ -134,13 +134,7 @@ class SliderInGuide(AbstractSharedLawJoint):
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the slider where a load presses it to a wall.
-
-        Return ``None`` if the load has no component along the walls' normal.
-
-        **Arguments:** `load`: (3,) N, force of the slider on the guide, in the axes of the guide's
-        body.
-        """
+        """Return the ideal joint that holds the slider where a load, (3,) N, presses it."""
         offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
         return None if offset is None else self._ideal(self.guide_point + offset)
 

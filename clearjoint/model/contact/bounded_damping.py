@@ -123,10 +123,7 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution.
-
-        The rest of the force is dissipative.
-        """
+        """Return (1 + c) K delta^n/2, N, the mean of compression and restitution."""
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:

@@ -161,10 +161,7 @@ class Ambrosio(AbstractFriction):
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Check that the breakaway coefficient is not smaller than the kinetic coefficient.
-
-    **Raises:** `ValueError` otherwise.
-    """
+    """Check that the breakaway coefficient is not smaller than the kinetic coefficient."""
     require_numbers(
         lambda slow, fast: slow >= fast,
         "breakaway",

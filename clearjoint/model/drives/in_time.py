@@ -26,20 +26,14 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a number or a function of time, in the given SI unit.
-
-    `options` are those of `quantity`, such as `default`.
-    """
+    """Declare a field with a number or a function of time; `options` are those of `quantity`."""
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds three numbers or functions of time, in the given SI unit.
-
-    `options` are those of `quantity`, such as `default`.
-    """
+    """Declare a field with three numbers or functions; `options` are those of `quantity`."""
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )

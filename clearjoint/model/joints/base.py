@@ -390,10 +390,7 @@ class AbstractContactJoint(AbstractElement):
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Check that two names of bodies are strings and differ.
-
-    **Raises:** `ValueError` that names the argument `first` or `second`.
-    """
+    """Check that two names of bodies are strings and differ."""
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")

@@ -56,8 +56,7 @@ def coincident_points(
     - `first`, `second`: motions of the bodies.
     - `local_first`, `local_second`: point of each body, m in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> rows = extend.coincident_points(names, ground, ball, extend.ZERO, extend.ZERO)
     >>> print(f"{rows['translation x'].value:.1f} m")
@@ -86,8 +85,7 @@ def perpendicular(
     - `first`, `second`: motions of the bodies.
     - `axis_first`, `axis_second`: unit vector of each body, in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> extend.perpendicular(names, ground, ball, extend.UNIT_X, extend.UNIT_Y).value
     0.0
@@ -125,8 +123,7 @@ def point_in_plane(
     - `axis`: normal of the plane, a unit vector in the first body's axes.
     - `local`: the point of the second body, m in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> row = extend.point_in_plane(names, ground, ball, extend.ZERO, extend.UNIT_X, extend.ZERO)
     >>> print(f"{row.value:.1f} m")
@@ -163,8 +160,7 @@ def turning_angle(
     - `axis`: unit vector in the first body's axes.
     - `direction`: unit vector in the second body's axes, not parallel to the axis.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> row = extend.turning_angle(names, ground, ball, extend.UNIT_Z, extend.UNIT_X)
     >>> sorted(row.jacobian)
@@ -267,8 +263,7 @@ def rows_from_residual(
       position, m in global axes, and the rotation matrix from body to global axes.
     - `first`, `second`: motions of the bodies.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> def residual(first, second):
     ...     return ((second[0] - first[0]).x,)

@@ -91,11 +91,7 @@ class GearJoint(AbstractConstraint):
         return self.carrier, self.first, self.second
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh": the angular error of the first gear, rad.
-
-        The error is the angle of the first gear less the angle that follows from the second gear,
-        modulo a tooth of the first gear.
-        """
+        """Return the row "mesh": the error of the first gear's angle, rad modulo a tooth."""
         del t
         carrier, gears = motions[self.carrier], (self.first, self.second)
         axes = self.axis_first, self.axis_second
@@ -123,10 +119,7 @@ class ScrewMotion(AbstractTurning):
     pitch: Scalar
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle, rad, and its rate, rad/s.
-
-        The orientation determines the angle up to full revolutions, and the advance their number.
-        """
+        """Return the angle, rad, whose revolutions the advance tells, and its rate, rad/s."""
         angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
         error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
@@ -179,8 +172,6 @@ class ScrewJoint(AbstractAxisJoint):
 
     **Raises:** `ValueError` if the lead is zero, or a point or axis is invalid.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -190,9 +181,7 @@ class ScrewJoint(AbstractAxisJoint):
     lead: Single = quantity("m", check=_require_lead)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return five rows: "offset 1" and "offset 2", translations across the axis, m; "tilt 1"
-        and "tilt 2", scalar products of unit vectors; and "thread", the error of the advance, m.
-        """
+        """Return "offset 1", "offset 2" and "thread", m, and "tilt 1" and "tilt 2", cosines."""
         del t
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}

@@ -30,8 +30,6 @@ class PointInPlaneJoint(AbstractPairJoint):
     - `point_second`: the point that stays in the plane, (3,) m in the second body's axes.
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.PointInPlaneJoint("ground", "arm", (0, 0, 0), (0, 0.1, 0), normal=(0, 1, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
     >>> {name: float(row.value) for name, row in rows.items()}  # m off the plane
@@ -63,8 +61,6 @@ class LineInPlaneJoint(AbstractPairJoint):
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
     - `axis`: direction of the line, (3,) in the second body's axes, any length.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> points = (0, 0, 0), (0, 0, 0)
     >>> joint = cj.LineInPlaneJoint("ground", "arm", *points, normal=(0, 1, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -75,10 +71,7 @@ class LineInPlaneJoint(AbstractPairJoint):
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two rows: the height of the second body's point above the plane, m; and the tilt.
-
-        The tilt is the sine of the angle between the line and the plane.
-        """
+        """Return the height of the point above the plane, m, and the sine of the line's tilt."""
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return self._height(motions, self.normal) | {"tilt": tilt}
@@ -127,10 +120,7 @@ class PlanarMotion(AbstractMotionAtPoints):
         return self._hinge().orientation(position[2])
 
     def rotation(self, position: Position) -> Matrix:
-        """Return the matrix that transforms the child's components to the parent's.
-
-        The formula for a rotation about an axis costs less than the one for Euler parameters.
-        """
+        """Return the rotation matrix, which costs less than from Euler parameters."""
         return self._hinge().rotation(position[2])
 
     def displacement(self, position: Position) -> Vector:
@@ -165,9 +155,7 @@ class PlanarMotion(AbstractMotionAtPoints):
         return Hinge(self.point_parent, self.point_child, self.normal_child, self.reference)
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector in the child's axes from its components along the parent's two transverse
-        axes.
-        """
+        """Return a vector in the child's axes from components along the transverse axes."""
         first, second = transverse_axes(self.normal_parent)
         vector = first * across[0] + second * across[1]
         return self.rotation(position).transposed_times(vector)
@@ -184,17 +172,13 @@ class PlanarJoint(AbstractAxisJoint):
 
     **Raises:** `ValueError` if a point or axis is invalid.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.PlanarJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['height', 'tilt 1', 'tilt 2']
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "height" of the second point above the first body's plane, m, and the rows
-        "tilt 1" and "tilt 2": cosines that are zero for parallel normals.
-        """
+        """Return the "height" of the second point, m, and the cosines "tilt 1" and "tilt 2"."""
         del t
         return self._height(motions, self.axis_first) | self._tilts(motions)
 

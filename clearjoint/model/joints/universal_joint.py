@@ -35,9 +35,7 @@ class UniversalMotion(AbstractMotionAtPoints):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return Euler parameters that transform components in the child's axes to the parent's if
-        both angles are zero.
-        """
+        """Return the orientation if both angles are zero."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
@@ -59,10 +57,7 @@ class UniversalMotion(AbstractMotionAtPoints):
         return start * c - quarter * s, -(start * s + quarter * c)
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angles, rad, and their rates, rad/s.
-
-        The first angle is within (-pi, pi], the second within (-2 pi, 2 pi].
-        """
+        """Return both angles, rad in (-pi, pi] and (-2 pi, 2 pi], and their rates, rad/s."""
         start, quarter = transverse_axes(self.arm_parent)
         arm = rotation_matrix(relative.orientation) @ self.arm_child
         first = polar_angle(arm.dot(quarter), arm.dot(start))
@@ -79,9 +74,7 @@ class UniversalMotion(AbstractMotionAtPoints):
         return self._about_child(reference).orientation(position[1])
 
     def columns(self, position: Angles) -> tuple[Twist, ...]:
-        """Return rotations at 1 rad/s about the parent's arm and about the child's, in the child's
-        axes.
-        """
+        """Return rotations at 1 rad/s about both arms, in the child's axes."""
         return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
 
     def bias(self, state: JointState) -> Twist:
@@ -115,8 +108,6 @@ class UniversalJoint(AbstractPairJoint):
 
     **Raises:** `ValueError` if a point or axis is invalid.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.UniversalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['translation x', 'translation y', 'translation z', 'cross']
@@ -126,9 +117,7 @@ class UniversalJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return four rows: "translation x", "translation y" and "translation z", global components
-        of the vector between the points, m, and "cross", the cosine of the angle between the arms.
-        """
+        """Return three translations, m, and "cross", the cosine of the angle between the arms."""
         del t
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
