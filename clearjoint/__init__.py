@@ -51,8 +51,8 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
    arrays into scalars (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
 3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
-4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap from `BearingWall`
-   in `journal_bases.py`, which subtracts the clearance from the eccentricity.
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap: the
+   eccentricity less the clearance is its penetration.
 5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
    depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
 

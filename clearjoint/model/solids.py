@@ -1,7 +1,6 @@
 """Mass and principal moments of homogeneous solids, from dimensions and a mass or density."""
 
 import math
-from typing import NamedTuple
 
 from jaxtyping import PyTree
 
@@ -25,11 +24,8 @@ Number = PyTree
 """A number that a user passes, with or without unit, or that JAX traces; ``None`` if not given."""
 
 
-class Solid(NamedTuple):
-    """Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
-
-    mass: ArrayLike
-    moments: PyTree
+Solid = tuple[ArrayLike, PyTree]
+"""Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
 
 
 def require_one(mass: Number, density: Number) -> None:
@@ -91,7 +87,7 @@ def box(lengths: Number, mass: Number, density: Number) -> Solid:
     sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
     mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
     a, b, c = (side**2 for side in sides)
-    return Solid(mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)]))
+    return mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)])
 
 
 def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Number) -> Solid:
@@ -104,13 +100,13 @@ def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Numb
     inner = _inner(inner_diameter, diameter)
     cubes = diameter**3 - inner**3
     mass = _mass(mass, density, math.pi * cubes / 6.0)
-    return Solid(mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3))
+    return mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3)
 
 
 def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
     """Return a solid of revolution about "x", "y" or "z" from its moments, kg m^2."""
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
-    return Solid(mass, as_numbers([about if axis == name else across for name in AXES]))
+    return mass, as_numbers([about if axis == name else across for name in AXES])
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:

@@ -7,7 +7,7 @@ from ...fields.checks import require_point
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar, Vector, subtract
+from ...math.vectors import Scalar, subtract
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, caution_beyond
@@ -17,9 +17,7 @@ from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
 from .common import (
-    AbstractSharedLawJoint,
-    anchor_of,
-    offset_between,
+    AbstractCentredJoint,
     require_smaller_clearance,
     slip_at,
 )
@@ -27,7 +25,7 @@ from .common import (
 CONTACT = "ball"
 
 
-class BallInSocket(AbstractSharedLawJoint):
+class BallInSocket(AbstractCentredJoint):
     """A ball in a slightly larger socket: a spherical joint with clearance.
 
     The joint has one contact, "ball", along the line of centres. Its penetration is e - c for an
@@ -79,10 +77,6 @@ class BallInSocket(AbstractSharedLawJoint):
     def _caution_together(self) -> None:
         caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
 
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the socket's body and the ball's body."""
-        return self.socket_body, self.ball_body
-
     def contact_labels(self) -> tuple[str, ...]:
         """Return the label of the only contact, "ball"."""
         return (CONTACT,)
@@ -98,9 +92,7 @@ class BallInSocket(AbstractSharedLawJoint):
         """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         centres = self.socket_point, self.ball_point
-        eccentricity, normal = norm_and_direction(
-            offset_between(self.pair(), (socket, ball), centres)
-        )
+        eccentricity, normal = norm_and_direction(self._offset(motions))
         velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
         radii = self.socket_radius, self.clearance
         gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
@@ -133,10 +125,6 @@ class BallInSocket(AbstractSharedLawJoint):
             return None
         centre = self.socket_point + self.clearance / size * load
         return SphericalJoint(*self.pair(), centre, self.ball_point)
-
-    def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name, and the centres on this body and on the ground, m."""
-        return anchor_of(self.pair(), (self.socket_point, self.ball_point))
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a ball in a socket."""

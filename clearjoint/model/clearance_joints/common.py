@@ -168,40 +168,36 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
         )
 
 
-def anchor_of(
-    bodies: tuple[str, str], points: tuple[Vector, Vector]
-) -> tuple[str, Vector, Vector] | None:
-    """Return the anchor of a joint with the ground: a point of the moving body near a fixed point.
+class AbstractCentredJoint(AbstractSharedLawJoint):
+    """Base class of joints that hold a point of one body near a point of another.
 
-    The anchor consists of the moving body's name, the joint's point on this body, m in its axes,
-    and the joint's point on the ground, m. It is ``None`` if neither body is the ground.
-
-    **Arguments:** `bodies`: names of the first and the second body. `points`: the joint's point on
-    each, m in body axes.
+    The two points are those of `attachments`.
     """
-    (first, second), (point_first, point_second) = bodies, points
-    if first == GROUND:
-        return second, point_second, point_first
-    if second == GROUND:
-        return first, point_first, point_second
-    return None
 
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+        (_, first, _), (_, second, _) = self.attachments()
+        return first, second
 
-def offset_between(
-    bodies: tuple[str, str], motions: tuple[Motion, Motion], points: tuple[Vector, Vector]
-) -> Vector:
-    """Return the vector from a point of the first body to a point of the second, m, global axes.
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the moving body's name, and the centres on this body and on the ground, m."""
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if first == GROUND:
+            return second, on_second, on_first
+        if second == GROUND:
+            return first, on_first, on_second
+        return None
 
-    If one body is the ground, the difference is taken relative to the anchor of the moving body.
-    The difference of two large coordinates would lose digits.
+    def _offset(self, motions: Motions) -> Vector:
+        """Return the vector from the first point to the second, m, global axes (eq. 8).
 
-    **Arguments:** `bodies`: names of the two bodies. `motions`: their motions. `points`: a point of
-    each body, m in body axes.
-    """
-    (first, second), (point_first, point_second) = motions, points
-    if bodies[1] == GROUND:
-        return -first.point_from(point_second, point_first)
-    return second.point_from(first.point(point_first), point_second)
+        If one body is the ground, the difference is taken relative to the anchor of the moving
+        body. The difference of two large coordinates would lose digits.
+        """
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if second == GROUND:
+            return -motions[first].point_from(on_second, on_first)
+        return motions[second].point_from(motions[first].point(on_first), on_second)
 
 
 def offset_at_wall(

@@ -55,22 +55,20 @@ class GroupedContactJoint(AbstractContactJoint):
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of each contact by label, with arrays (N,) over the group."""
+        return self._each_at(motions, "contacts")
+
+    def _each_at(self, motions: Motions, method: str) -> PyTree:
         names = self.joint.pair()
 
-        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
-            return joint.contacts(dict(zip(names, pair, strict=True)))
+        def of(joint: AbstractContactJoint, *pair: Motion) -> PyTree:
+            return getattr(joint, method)(dict(zip(names, pair, strict=True)))
 
         return each(of, self.joint, motions[self.first], motions[self.second])
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the wrenches of the films by name of the group of bodies."""
-        names = self.joint.pair()
-
-        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
-            return joint.film_wrenches(dict(zip(names, pair, strict=True)))
-
-        wrenches = each(of, self.joint, motions[self.first], motions[self.second])
-        groups = dict(zip(names, self.pair(), strict=True))
+        wrenches = self._each_at(motions, "film_wrenches")
+        groups = dict(zip(self.joint.pair(), self.pair(), strict=True))
         return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:

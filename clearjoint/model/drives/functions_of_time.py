@@ -160,6 +160,10 @@ class Spline(AbstractTable):
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
 
+    def breakpoints(self) -> PyTree:
+        """Return an empty tuple: the spline is smooth enough for the integration."""
+        return ()
+
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
 """Types that users may pass as a function of time."""

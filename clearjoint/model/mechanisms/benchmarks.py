@@ -78,8 +78,6 @@ def andrews_squeezer() -> tuple[Scene, State]:
     the rotations about Z of K1, K3, K5 and K7; theta, phi and omega are those of K2, K4 and K6
     relative to K1, K5 and K7.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.andrews_squeezer()
     >>> list(scene.bodies), list(scene.forces)
     (['K1', 'K2', 'K3', 'K5', 'K4', 'K7', 'K6'], ['spring', 'motor'])
@@ -116,8 +114,6 @@ def bricard() -> tuple[Scene, State]:
     constraint is redundant, which leaves one degree of freedom. The mechanism starts at rest;
     gravity is 9.81 m/s^2 along -Y.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.bricard()
     >>> list(scene.joints)
     ['hinge 1', 'hinge 2', 'hinge 3', 'hinge 4', 'hinge 5', 'hinge 6']
@@ -150,8 +146,6 @@ def double_four_bar() -> tuple[Scene, State]:
     along -Y, and the tips start at 1 m/s along +X. In this planar mechanism of seven spatial
     revolute joints 6 of 35 constraints are redundant; it passes singular positions where the rods
     are in one line.
-
-    **Returns:** the scene and the initial state.
 
     >>> scene, state = cj.mechanisms.double_four_bar()
     >>> list(scene.joints)

@@ -78,8 +78,6 @@ def four_bar(
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2.
 
-    **Returns:** the scene and the initial state.
-
     **Raises:** `ValueError` for an unknown pin, or rods that can't be connected at the angle.
     """
     for pin in clearance:
@@ -219,8 +217,6 @@ def spatial_four_bar(
     - `speed`: of the crank at the start, rad/s, in the ideal mechanism's motion.
     - `law`: replaces the default law.
     - `friction`: of the ball.
-
-    **Returns:** the scene and the initial state.
 
     >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)

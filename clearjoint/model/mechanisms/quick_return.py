@@ -54,8 +54,6 @@ def quick_return(
       of 0.8, by default.
     - `friction`: of pin and walls.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']

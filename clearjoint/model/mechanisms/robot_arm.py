@@ -241,7 +241,7 @@ def robot_arm(
             joints[f"motor {k + 1}"] = _motor(parent, LINKS[k], speed, angle, ARM[k].tilt())
             continue
         bodies[flange] = FLANGE
-        joints[f"bearing {k + 1}"] = _flange_bearing(k)
+        joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, _foot(k), ORIGIN, Z_AXIS, Z_AXIS)
         joints[f"motor {k + 1}"] = _motor(parent, flange, speed, angle, IDENTITY)
         axes = {"axis_first": Z_AXIS, "axis_second": ARM[k].axis()}
         joints[f"play {k + 1}"] = Backlash(
@@ -261,10 +261,6 @@ def _hinge(k: int) -> RevoluteJoint:
     """Return the hinge between link k, counted from 0, and its parent."""
     on_link = ARM[k].joint() - LUMPS[k].centre
     return RevoluteJoint(PARENTS[k], LINKS[k], _foot(k), on_link, Z_AXIS, ARM[k].axis())
-
-
-def _flange_bearing(k: int) -> RevoluteJoint:
-    return RevoluteJoint(PARENTS[k], FLANGES[k], _foot(k), ORIGIN, Z_AXIS, Z_AXIS)
 
 
 def _foot(k: int) -> Components:

@@ -53,8 +53,6 @@ def rotor_in_bearing(
     - `friction`: of the dry wall.
     - `gravity`: (3,) m/s^2.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)
     ['bearing', 'motor']

@@ -70,8 +70,6 @@ def slider_crank(
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2; none by default.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
@@ -179,8 +177,6 @@ def guided_slider_crank(
     - `friction`: of the guide; coefficient 0.01 by default, or ``None``.
     - `pin_law`: of the pin; the paper's steel by default.
     - `speed`: of the crank at the start, rad/s.
-
-    **Returns:** the scene and the initial state.
 
     >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
