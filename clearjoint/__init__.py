@@ -125,13 +125,13 @@ from .model.clearance_joints.axial import FixedAxially as FixedAxially
 from .model.clearance_joints.axial import FreeAxially as FreeAxially
 from .model.clearance_joints.backlash import Backlash as Backlash
 from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
-from .model.clearance_joints.carried_journal import carried_journal as carried_journal
+from .model.clearance_joints.between_walls import PinInSlot as PinInSlot
+from .model.clearance_joints.between_walls import SliderInGuide as SliderInGuide
 from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
 from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
+from .model.clearance_joints.lubricated import carried_journal as carried_journal
 from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
-from .model.clearance_joints.pin_in_slot import PinInSlot as PinInSlot
-from .model.clearance_joints.slider_in_guide import SliderInGuide as SliderInGuide
 from .model.drives.drivers import DriveTorque as DriveTorque
 from .model.drives.drivers import Motor as Motor
 from .model.drives.drivers import PrescribedAngle as PrescribedAngle
@@ -147,6 +147,7 @@ from .model.forces import SpringDamper as SpringDamper
 from .model.forces import TorsionalSpring as TorsionalSpring
 from .model.joints.couplings import GearJoint as GearJoint
 from .model.joints.couplings import ScrewJoint as ScrewJoint
+from .model.joints.couplings import UniversalJoint as UniversalJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
 from .model.joints.ideal import DistanceJoint as DistanceJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
@@ -157,7 +158,6 @@ from .model.joints.ideal import SphericalJoint as SphericalJoint
 from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
 from .model.joints.planes import PlanarJoint as PlanarJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
-from .model.joints.universal_joint import UniversalJoint as UniversalJoint
 from .model.orientations import rotation as rotation
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter

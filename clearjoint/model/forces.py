@@ -21,7 +21,7 @@ from ..math.smoothing import norm_and_direction
 from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
 from .drives.drivers import AbstractDriveTorque
-from .drives.in_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
+from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
 from .pen import AbstractPen, Marker
 

@@ -37,10 +37,13 @@ from ..joints.constraint_rows import (
 )
 from .functions_of_time import (
     AbstractFunctionOfTime,
+    SingleInTime,
     as_function_of_time,
+    breakpoints_of,
     require_continuous,
+    single_in_time,
+    value_at,
 )
-from .in_time import SingleInTime, breakpoints_of, single_in_time, value_at
 
 
 class AbstractDrive(AbstractPair):

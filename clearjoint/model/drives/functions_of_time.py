@@ -1,7 +1,8 @@
-"""Functions of time for drives and loads: polynomials, tables, and user-defined functions."""
+"""Functions of time for drives and loads, and the fields of elements that hold them."""
 
 import abc
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar, TypeAlias
 
 import equinox as eqx
@@ -10,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number, require, require_finite, require_numbers
+from ...fields.checks import as_number, require, require_finite, require_numbers, require_shape
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import ArrayLike, Column, TableRows
+from ...fields.types import ArrayLike, Column, Single, TableRows, Triple
 from ...math.interpolation import Slope, hermite_value
-from ...math.vectors import Scalar
+from ...math.vectors import Scalar, Vector
 
 
 class AbstractFunctionOfTime(AbstractConverting):
@@ -282,3 +283,102 @@ class PiecewiseLinear(AbstractTable):
     def breakpoints(self) -> PyTree:
         """Return all times of the table, s."""
         return self.times
+
+
+SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
+"""A number or a function of time."""
+TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, ...]
+"""Three components, each a number or a function of time, or one function that returns three
+numbers."""
+ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a function of time"
+
+
+def single_in_time(unit: str, **options: PyTree) -> PyTree:
+    """Declare a field with a number or a function of time; `options` are those of `quantity`."""
+    return quantity(
+        unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
+    )
+
+
+def triple_in_time(unit: str, **options: PyTree) -> PyTree:
+    """Declare a field with three numbers or functions; `options` are those of `quantity`."""
+    return quantity(
+        unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
+    )
+
+
+def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
+    """Return a number as an array, or a function as an `AbstractFunctionOfTime`."""
+    return as_function_of_time(value) if callable(value) else as_number(value)
+
+
+def as_triple_in_time(value: PyTree) -> PyTree:
+    """Return three numbers as an array, (3,), or functions as `AbstractFunctionOfTime`s.
+
+    Three components of which one is a function become a tuple of three.
+    """
+    if isinstance(value, AbstractFunctionOfTime):
+        return value
+    if callable(value):
+        return PlainFunction(value)
+    if isinstance(value, tuple | list) and any(map(callable, value)):
+        return tuple(map(as_single_in_time, value))
+    return as_number(value)
+
+
+def value_at(given: SingleInTime, t: Scalar) -> Scalar:
+    """Return a number unchanged, or the value of a function of time at the time `t`, s.
+
+    **Raises:** `ValueError` if the function doesn't return one number.
+    """
+    if not isinstance(given, AbstractFunctionOfTime):
+        return given
+    value = given(t)
+    shape = _shape(value)
+    expected = "a function of time that returns one number"
+    require(shape == (), "function", shape, expected, f"pass {ALTERNATIVES}")
+    return value
+
+
+def vector_at(given: PyTree, t: Scalar) -> Vector:
+    """Return the vector that a field holds at the time `t`, s.
+
+    **Arguments:** `given`: a constant `Vector`, a tuple of three numbers or functions of time, or
+    one function that returns three numbers.
+
+    **Raises:** `ValueError` if a function returns another number of values.
+    """
+    if isinstance(given, Vector):
+        return given
+    if isinstance(given, tuple):
+        return Vector(*(value_at(part, t) for part in given))
+    parts = given(t)
+    shape, expected = _shape(parts), "a function of time that returns three numbers"
+    remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
+    require(shape == (3,), "function", shape, expected, remedy)
+    return Vector(*(parts[k] for k in range(3)))
+
+
+def _shape(value: PyTree) -> tuple[int, ...]:
+    return (len(value),) if isinstance(value, tuple | list) else jnp.shape(value)
+
+
+def breakpoints_of(*given: PyTree) -> PyTree:
+    """Return the breakpoints of all functions of time in the given fields, s, as a tuple."""
+    parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
+    return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
+
+
+def _require_single(unit: str, argument: str, value: PyTree) -> None:
+    if not isinstance(value, AbstractFunctionOfTime):
+        require_shape(argument, value, (), f"pass a single number in {unit}, {ALTERNATIVES}")
+
+
+def _require_triple(unit: str, argument: str, value: PyTree) -> None:
+    remedy = f"pass three components in {unit}, each a number or a function of time"
+    if isinstance(value, tuple):
+        require(len(value) == 3, argument, f"{len(value)} components", "three components", remedy)
+        for part in value:
+            _require_single(unit, argument, part)
+    elif not isinstance(value, AbstractFunctionOfTime):
+        require_shape(argument, value, (3,), remedy)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
-from ..clearance_joints.pin_in_slot import PinInSlot
+from ..clearance_joints.between_walls import PinInSlot
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction

@@ -7,8 +7,8 @@ import numpy as np
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..clearance_joints.between_walls import SliderInGuide
 from ..clearance_joints.clearance import ClearanceJoint
-from ..clearance_joints.slider_in_guide import SliderInGuide
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import AbstractFriction, RegularisedCoulomb
