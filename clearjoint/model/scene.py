@@ -24,18 +24,6 @@ from .joints.base import (
 )
 
 
-def unconnected_bodies(
-    bodies: Iterable[str],
-    joints: Mapping[str, AbstractElement],
-    forces: Mapping[str, AbstractElement],
-) -> list[str]:
-    """Return the bodies on which no joint and no force acts; none without joints."""
-    named = {
-        body for element in (*joints.values(), *forces.values()) for body in element.body_names()
-    }
-    return [body for body in bodies if joints and body not in named]
-
-
 def unheld_drives(
     joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
 ) -> list[str]:
@@ -137,12 +125,15 @@ class Scene(AbstractReadable):
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
-        for name in unconnected_bodies(self.bodies, self.joints, self.forces):
-            caution(
-                f"No joint and no force acts on body {name!r}, which moves freely: connect it, or "
-                "remove it.",
-                LooseBodyWarning,
-            )
+        elements = (*self.joints.values(), *self.forces.values())
+        connected = {body for element in elements for body in element.body_names()}
+        for name in self.bodies:
+            if self.joints and name not in connected:
+                caution(
+                    f"No joint and no force acts on body {name!r}, which moves freely: connect it, "
+                    "or remove it.",
+                    LooseBodyWarning,
+                )
         for name in unheld_drives(self.joints, self.forces):
             caution(
                 f"Drive {name!r} rotates a body about an axis that no joint holds: add a joint, "

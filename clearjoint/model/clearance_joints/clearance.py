@@ -42,8 +42,8 @@ from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .common import (
+    LEAST_TRANSVERSE_LOAD,
     AbstractCentredJoint,
-    offset_at_wall,
     require_smaller_clearance,
     slip_at,
 )
@@ -316,8 +316,12 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the journal where a load, (3,) N, presses it."""
-        offset = offset_at_wall(self.bearing_axis, self.clearance, load)
-        return None if offset is None else self._ideal(self.bearing_point + offset)
+        along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ along) * along
+        size = np.linalg.norm(across)
+        if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+            return None
+        return self._ideal(self.bearing_point + self.clearance / size * across)
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the joint that holds the journal's centre at a point of the bearing, (3,) m."""

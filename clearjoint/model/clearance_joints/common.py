@@ -200,24 +200,6 @@ class AbstractCentredJoint(AbstractSharedLawJoint):
         return motions[second].point_from(motions[first].point(on_first), on_second)
 
 
-def offset_at_wall(
-    axis: Triple, clearance: Single, load: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "3"] | None:
-    """Return the offset from the bearing's centre of a journal that a load presses to the wall.
-
-    The offset is (3,) m. It is ``None`` if the load has no component across the axis. All vectors
-    are in the axes of the bearing's body.
-
-    **Arguments:** `axis`: of the bearing, (3,), any length. `clearance`: m. `load`: (3,) N.
-    """
-    along = np.asarray(axis) / np.linalg.norm(axis)
-    across = load - (load @ along) * along
-    size = np.linalg.norm(across)
-    if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
-        return None
-    return clearance / size * across
-
-
 def offset_at_flat_wall(
     normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:

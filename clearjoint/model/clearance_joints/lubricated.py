@@ -231,13 +231,9 @@ class LubricatedJoint(AbstractContactJoint):
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
         """Return the input of the film law, with an eccentricity ratio limited to `largest_ratio`.
 
-        **Arguments:**
-
-        - `axis`: of the bearing, a global unit vector.
-        - `eccentricity`: vector from the bearing's axis to the base's centre, m, global axes.
-        - `velocity`: of the journal's body relative to the bearing's, at the point midway between
-          the two axes, m/s, global axes.
-        - `spin`: of the journal relative to the bearing about the axis, rad/s.
+        **Arguments:** in global axes. `axis`: of the bearing. `eccentricity`: from the bearing's
+        axis to the base's centre, m. `velocity`: of the journal's body relative to the bearing's,
+        midway between the two axes, m/s. `spin`: of the same about the axis, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)

@@ -337,11 +337,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
     The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
 
-    **Arguments:**
-
-    - `components`: rows whose values x, y, ... are the vector's components, m.
-    - `length`: required length of the vector, m.
-    - `motions`: motion of each body by name.
+    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
+    `length`: required length, m.
     """
     components = list(components)
     names = {name: None for row in components for name in row.jacobian}
@@ -363,12 +360,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
     """Return a row less a prescribed function of time, so that its value follows the function.
 
-    **Arguments:**
-
-    - `row`: the constraint row of the quantity to prescribe, such as an angle.
-    - `function`: prescribed value in the row's unit, from the time in s; JAX must be able to
-      differentiate it twice.
-    - `t`: time, s.
+    **Arguments:** `row`: of the quantity to prescribe, such as an angle. `function`: its value in
+    the row's unit, from the time in s; JAX must be able to differentiate it twice. `t`: s.
     """
 
     def rate(t: Scalar) -> Scalar:
