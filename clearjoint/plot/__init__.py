@@ -1,8 +1,8 @@
 """Figures of simulated mechanisms with clearance joints.
 
 Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
-set of a sweep) into given matplotlib axes or new ones, and returns them; `fitted`, `journal_frames`
-and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
+set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and returns them;
+`fitted`, `journal_frames` and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
 `report` write files. Arguments are in SI units; axes have units with suitable prefixes.
 
 | of a run | functions |
@@ -23,6 +23,22 @@ and `report` make new figures. No function simulates or shows anything; only `an
 | orbit and wear of a lane | `orbit`, `wear` |
 
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
+The argument `window` is the start and the end of the drawn time, s; by default all is drawn.
+
+**Examples** in docstrings of this module also assume these lines:
+
+>>> pendulum, hanging = cj.mechanisms.double_pendulum()
+>>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)
+>>> solution = cj.simulate(pendulum, hanging, 0.02, save=save, progress=False)
+>>> observed = cj.observe(pendulum, solution, solution.steps.between())
+>>> values = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+>>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+>>> found = cj.sweep(scene, state, 0.5, {"stiffness": values}, speed, progress=False)
+>>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
+>>> unknown, guess = {"stiffness": stiffness}, {"stiffness": 90.0}
+>>> fit = cj.identify(scene, state, data, unknown, guess=guess, progress=False)
+>>> probe = {"probe": cj.Sensor(x, times, noise=1e-4)}
+>>> limits = cj.fit_horizon(scene, state, unknown, probe, uncertainty={"stiffness": np.log(1.5)})
 """
 
 from ..fields.readable import without_modules as _without_modules

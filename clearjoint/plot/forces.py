@@ -36,23 +36,19 @@ def contact_and_reaction(
     - `observation`: from `cj.observe`, at instants that resolve the impact.
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
 
     **Raises:** `ValueError` for unknown names.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
     axes = axes_or_new(axes)
     in_window = inside(observation.times, window)
     force = observed.contact(observation, *contact).normal_force[in_window]
-    load = np.linalg.norm(observed.reaction(observation, *reaction).force[in_window], axis=1)
+    reactions = observed.named("joint", reaction[0], observation.reactions)
+    load = observed.named("body", reaction[1], reactions).force[in_window]
+    load = np.linalg.norm(load, axis=1)
     largest = np.array([force.max(), load.max()])
     factor, unit = fitting_unit(largest, "N")
     time_factor, time = time_unit(observation.times, window)
@@ -85,20 +81,14 @@ def contact_forces(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `joint`: name of the clearance joint.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if one peak is so large that the other forces would be invisible on
       a linear axis.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a name that is not one of a joint with contacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
@@ -123,10 +113,6 @@ def joint_forces(
 
     **Raises:** `ValueError` for a scene without contacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.joint_forces(observed)
     """
     observed.require_contacts(observation)
@@ -183,10 +169,9 @@ def _rescale(
     # Samples are dense where steps are short: each force counts by the time for which it acts.
     weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
     values = np.concatenate(curves)
-    order = np.argsort(values)
-    order = order[values[order] > 0.0]
+    acting = values > 0.0
     # The median over time of the forces in contact.
-    usual = values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights[order].sum())]
+    usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
     largest = peaks.max()
     has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
     if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
@@ -197,8 +182,7 @@ def _rescale(
 
 def _peaks(values: np.ndarray) -> np.ndarray:
     """Return the largest value in each interval of successive positive values of `values` (N,)."""
-    ends = np.flatnonzero(np.diff(np.pad(values > 0.0, 1).astype(int)))
-    return np.array([values[first:last].max() for first, last in ends.reshape(-1, 2)])
+    return np.array([values[first:last].max() for first, last in observed.spans(values > 0.0)])
 
 
 def hysteresis(
@@ -214,17 +198,12 @@ def hysteresis(
       impacts.
     - `impacts`: impacts of one contact, from `Impacts.of`.
     - `count`: number of impacts to draw, from the first one on.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
     **Raises:** `ValueError` if `impacts` is empty, or if fewer than three observed instants lie in
     one of the drawn impacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
     remedy = "take another contact, or a longer run"
@@ -258,10 +237,6 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
     **Raises:** `ValueError` if fewer than three observed instants lie in the impact.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> impacts = solution.impacts.of("shoulder", "V")
     >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
     True

@@ -60,10 +60,6 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
     **Source:** P. Flores and others 2006, except the limit between impact and following.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
     'FREE_FLIGHT'
@@ -78,8 +74,7 @@ def _phases(contact: ContactObservation) -> np.ndarray:
     touching = np.asarray(contact.penetration) > 0.0
     approaching = np.asarray(contact.penetration_rate) > 0.0
     phases = np.where(touching, ContactPhase.IMPACT, ContactPhase.FREE_FLIGHT)
-    edges = np.flatnonzero(np.diff(np.pad(touching, 1).astype(int)))
-    for begin, end in edges.reshape(-1, 2):
+    for begin, end in observed.spans(touching):
         deepest = begin + int(np.argmin(np.append(approaching[begin:end], False)))
         if begin == 0:
             phases[begin:end] = ContactPhase.FOLLOWING
@@ -105,17 +100,11 @@ def motion_timeline(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `joints`: names of joints, from top to bottom; by default all with contacts.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, a row for each joint.
 
     **Raises:** `ValueError` for a scene without contacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.motion_timeline(observed)
     """
     observed.require_contacts(observation)

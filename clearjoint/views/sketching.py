@@ -19,7 +19,7 @@ from .meshes import Mesh, frame_about, pose_at
 from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, OnBodies, between, frames
 from .poses import BodyPoses
 from .proportions import Proportions
-from .survey import BodySolid, equivalent_solid
+from .survey import equivalent_solid
 
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
@@ -86,24 +86,6 @@ def drawn_journal(
     drawn = frames(drawn_axis, poses.direction(journal.body, local))
     drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
     return DrawnJournal(np.array(ends), drawn, radius)
-
-
-def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
-    """Return unit vectors (N, 3) in global axes that are perpendicular to the journal's axis and
-    turn with the journal."""
-    axis = journal.along()
-    return poses.direction(journal.body, np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
-
-
-def drawn_ball(
-    poses: BodyPoses, socket: Marker, ball: Marker, clearance_scale: float
-) -> Float[np.ndarray, "N 4 4"]:
-    """Return the poses (N, 4, 4) of a ball whose distance from the socket's centre is multiplied by
-    `clearance_scale`."""
-    drawn = poses.poses[ball.body].copy()
-    centre = poses.point(socket.body, socket.point)
-    drawn[:, :3, 3] = centre + clearance_scale * (poses.point(ball.body, ball.point) - centre)
-    return drawn
 
 
 NEAR = 1e-3
@@ -251,7 +233,10 @@ class SketchingPen(AbstractPen):
         shell = meshes.ball(bore).moved(pose_at(np.asarray(socket.point)))
         self._fixed.add(socket.body, shell, self._colours[socket.body], CLEAR)
         inner = meshes.ball(bore - float(clearance) * sizes.clearance_scale)
-        poses = drawn_ball(self._poses, socket, ball, sizes.clearance_scale)
+        poses = self._poses.poses[ball.body].copy()
+        centre = self._poses.point(socket.body, socket.point)
+        eccentricity = self._poses.point(ball.body, ball.point) - centre
+        poses[:, :3, 3] = centre + sizes.clearance_scale * eccentricity
         self._moving.append(DrawnPart(self.element, inner, poses, METAL, is_journal=True))
         self._hold(socket, around=bore)
         self._hold(ball)
@@ -318,7 +303,9 @@ class SketchingPen(AbstractPen):
         """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._sizes.bar
-        shape = self._solid_shape(solid).moved(pose_at((0.0, 0.0, 0.0), solid.axes))
+        sides = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
+        shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
+        shape = shape.moved(pose_at((0.0, 0.0, 0.0), solid.axes))
         self._fixed.add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
@@ -338,12 +325,6 @@ class SketchingPen(AbstractPen):
         for point in self._distinct(GROUND):
             stand = meshes.pyramid(4.0 * bar, 5.0 * bar, 2.5 * bar).moved(pose_at(point, frame))
             self._fixed.add(GROUND, stand, GROUND_COLOUR)
-
-    def _solid_shape(self, solid: BodySolid) -> Mesh:
-        first, second, third = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
-        if solid.round:
-            return meshes.cylinder(0.5 * first, third)
-        return meshes.box((first, second, third))
 
     def _distinct(self, name: str) -> np.ndarray:
         """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
