@@ -2,8 +2,9 @@
 
 Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
 set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and returns them;
-`fitted`, `journal_frames` and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
-`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
+`fitted`, `journal_frames` and `report` make new figures. No function simulates or shows anything;
+only `animate_journal` and `report` write files. Arguments are in SI units; axes have units with
+suitable prefixes.
 
 | of a run | functions |
 |---|---|

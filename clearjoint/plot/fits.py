@@ -14,6 +14,7 @@ from ..fields.drawn_text import shown
 from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
+from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
