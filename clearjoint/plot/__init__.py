@@ -52,11 +52,14 @@ from .fits import fitted as fitted
 from .fits import growth as growth
 from .fits import integration_error as integration_error
 from .fits import record_length as record_length
+from .forces import ContactPhase as ContactPhase
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import contact_forces as contact_forces
+from .forces import contact_phases as contact_phases
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .forces import joint_forces as joint_forces
+from .forces import motion_timeline as motion_timeline
 from .journal import XY as XY
 from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
@@ -86,8 +89,5 @@ from .time_series import rate_series as rate_series
 from .time_series import series as series
 from .time_series import spectrum as spectrum
 from .time_series import spectrum_of as spectrum_of
-from .timelines import ContactPhase as ContactPhase
-from .timelines import contact_phases as contact_phases
-from .timelines import motion_timeline as motion_timeline
 
 __dir__ = _without_modules(globals(), "style")

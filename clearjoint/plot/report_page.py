@@ -22,14 +22,13 @@ from ..simulation.results.observe import Observation, observe
 from ..simulation.results.solution import Solution, Trajectory
 from ..simulation.step.settings import Settings
 from .energies import energy_ledger
-from .forces import contact_forces, joint_forces
+from .forces import contact_forces, joint_forces, motion_timeline
 from .journal import journal_orbit
 from .labels import time_unit
 from .polar import contact_rose
 from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells, impact_rows, joint_rows, run_lines
 from .style import GREY, draw_lines, dress
 from .time_series import is_even, labelled, series, spectrum_of, trajectory_of
-from .timelines import motion_timeline
 
 MOST_ORBITS = 2
 WIDTH = 7.4

@@ -113,7 +113,7 @@ def poincare_section_of_lane(
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
     - `section`: name of the `Section`.
     - `channels`: names of the section's channels that are drawn to the right and upwards.
-    - `after`, `clearance`, `axes`: see `plot.poincare_section`.
+    - `after`, `clearance`: see `plot.poincare_section`.
 
     **Returns:** the axes, see `plot.poincare_section`.
 
