@@ -1,9 +1,9 @@
 """Residuals, predictions minus measurements, as functions of the parameters' coordinates.
 
 A run computes values and all their derivatives together, with error control
-(`clearjoint.simulation.run.sensitivities`). Runs at several coordinates are made one after the other. With derivatives, a `jax.vmap` of them
-would take longer (1.3 times with 8 runs, 3 times with 50), because the runs wait for each other at
-each sample, and would take minutes to compile.
+(`clearjoint.simulation.run.sensitivities`). Runs at several coordinates are made one after the
+other. With derivatives, a `jax.vmap` of them would take longer (1.3 times with 8 runs, 3 times with
+50), because the runs wait for each other at each sample, and would take minutes to compile.
 """
 
 from collections.abc import Mapping
@@ -365,8 +365,8 @@ def run_misfit(
 
 @Compiled
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
-    """Return residuals (M,) and their Jacobian (M, p), with zero slope where a run did not
-    arrive."""
+    """Return residuals (M,) and their Jacobian (M, p), zero at times that were not
+    reached."""
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
     fine = run.reached & jnp.isfinite(values)
