@@ -29,7 +29,7 @@ from .levenberg_marquardt import (
     search_with_damping,
 )
 from .report import numbered
-from .residuals import Experiment, RunMisfit, Samples, experiment, run_misfit, samples
+from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
 from .screening.misfit_curves import SideBySide
 from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
@@ -406,9 +406,7 @@ def _check(
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
     times = first.times()
-    expected = f"no later than the first sample, at {times[0]} s"
-    remedy = "start earlier, or leave samples out by measurements.between(...)"
-    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
+    check_start(start_time, times)
     ends = [start_time, *grow, times[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     require(

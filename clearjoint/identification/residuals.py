@@ -247,6 +247,16 @@ def _delays(
     return tuple(delays)
 
 
+def check_start(start_time: float, times: np.ndarray) -> None:
+    """Check that a run does not begin after the first of the samples' `times`, s, which rise.
+
+    **Raises:** `ValueError` otherwise.
+    """
+    expected = f"no later than the first sample, at {times[0]} s"
+    remedy = "start earlier, or leave samples out by measurements.between(...)"
+    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
+
+
 class Samples(eqx.Module):
     """Measurements of S series at the T times at which any of them has a sample.
 
