@@ -16,7 +16,11 @@ _CELL = {"f": "f", "i": "i", "w": "i", "b": "i"}
 """Kinds of numbers in memory, where all have 64 bits, by their kinds in operations."""
 _INSTRUCTIONS = {
     **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "add", "sub", "mul")},
-    **{"and": "and_", "or": "or_", "xor": "xor", "not": "not_", "fneg": "fneg"},
+    "and": "and_",
+    "or": "or_",
+    "xor": "xor",
+    "not": "not_",
+    "fneg": "fneg",
     "select": "select",
     "divide_whole": "sdiv",
     "remainder_whole": "srem",
