@@ -6,6 +6,7 @@ by LLVM, whose decisions depend on the number of lanes: a lane then has the same
 
 from collections import Counter
 from collections.abc import Iterable
+from typing import Any, TypeAlias
 
 from llvmlite import ir
 
@@ -56,6 +57,10 @@ _INTRINSICS = {
     "copysign": "copysign",
 }
 """Functions of floats for which processors have instructions, or short sequences of them."""
+Form: TypeAlias = Any
+"""A type of LLVM, scalar or vector; llvmlite declares no types of attributes for type checkers."""
+Word: TypeAlias = Any
+"""A value in LLVM's language: a constant, an argument or the result of an instruction."""
 LIBRARY = frozenset(
     "sin cos tan asin acos atan atan2 sinh cosh tanh "  # noqa: SIM905
     "asinh acosh atanh exp exp2 expm1 log log1p pow cbrt "
@@ -82,7 +87,7 @@ class _Writer:
         self._program, self._width = program, program.width
         self._module = ir.Module()
         self._functions: list[ir.Function] = []
-        self._values: dict[Value, ir.Value] = {}
+        self._values: dict[Value, Word] = {}
         self._uses: Counter[Value] = Counter()
         # Ids of the entries that are needed.
         self._live: set[int] = set()
@@ -169,6 +174,8 @@ class _Writer:
             if not isinstance(entry, Operation):
                 for inner in entry.blocks:
                     self._fuse(inner)
+            elif entry.out is None:
+                continue
             elif entry.name == "fmul" and self._uses[entry.out] == 1:
                 candidates[entry.out] = entry.arguments
             elif entry.name in ("fadd", "fsub"):
@@ -180,12 +187,12 @@ class _Writer:
 
     # Text.
 
-    def _type(self, kind: str) -> ir.Type:
+    def _type(self, kind: str) -> Form:
         count = self._program.packed if kind.endswith("p") else self._width
         base = _BASES[kind[0]]
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
 
-    def _value(self, value: Value) -> ir.Value:
+    def _value(self, value: Value) -> Word:
         """Return a value in the function that is being written."""
         number = self._program.constants.get(value)
         if number is not None and value not in self._values:
@@ -213,7 +220,7 @@ class _Writer:
     def _write_straight(self, entries: list[Operation]) -> None:
         for entry in self._by_need(entries):
             result = self._written(entry)
-            if entry.out is not None:
+            if entry.out is not None and result is not None:
                 self._values[entry.out] = result
 
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
@@ -244,8 +251,9 @@ class _Writer:
                 if needed:
                     stack.append(definitions[max(needed, key=depths.__getitem__)])
                 else:
-                    ordered.append(stack.pop())
-                    definitions.pop(ordered[-1].out, None)
+                    ordered.append(last := stack.pop())
+                    if last.out in definitions:
+                        del definitions[last.out]
         return ordered
 
     def _needed(self, entry: Operation) -> list[Value]:
@@ -254,7 +262,7 @@ class _Writer:
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return [value for group in groups for value in group]
 
-    def _written(self, entry: Operation) -> ir.Value | None:
+    def _written(self, entry: Operation) -> Word | None:
         """Write an operation and return its result."""
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":
@@ -293,7 +301,7 @@ class _Writer:
             return condition if self._width == 1 else self._splat(form, condition)
         raise NotImplementedError(name)
 
-    def _fused_sum(self, entry: Operation, form: ir.Type) -> ir.Value:
+    def _fused_sum(self, entry: Operation, form: Form) -> Word:
         a, b = entry.arguments
         product, other = (a, b) if a in self._products else (b, a)
         given = [self._value(value) for value in (*self._products[product], other)]
@@ -303,16 +311,16 @@ class _Writer:
             given[k] = self._builder.fneg(given[k])
         return self._intrinsic("fma", form, given)
 
-    def _intrinsic(self, name: str, form: ir.Type, given: list[ir.Value]) -> ir.Value:
+    def _intrinsic(self, name: str, form: Form, given: list[Word]) -> Word:
         full = f"llvm.{name}.{_mangled(given[0].type)}"
         return self._builder.call(self._declared(full, form, given), given)
 
-    def _declared(self, name: str, form: ir.Type, given: list[ir.Value]) -> ir.Function:
+    def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
         known = self._module.globals.get(name)
         types = [value.type for value in given]
         return known or ir.Function(self._module, ir.FunctionType(form, types), name)
 
-    def _library(self, name: str, form: ir.Type, given: list[ir.Value]) -> ir.Value:
+    def _library(self, name: str, form: Form, given: list[Word]) -> Word:
         """Call a function of the C library for each lane or tangent."""
         scalars = [_BASES["f"](None)] * len(given)
         function = self._declared(name, _BASES["f"], scalars)
@@ -327,33 +335,33 @@ class _Writer:
         )
         return self._vector(form, elements)
 
-    def _vector(self, form: ir.VectorType, elements: Iterable[ir.Value]) -> ir.Value:
+    def _vector(self, form: Form, elements: Iterable[Word]) -> Word:
         vector = form(ir.Undefined)
         for k, element in enumerate(elements):
             vector = self._builder.insert_element(vector, element, _BASES["w"](k))
         return vector
 
-    def _element(self, vector: ir.Value, k: int) -> ir.Value:
+    def _element(self, vector: Word, k: int) -> Word:
         return self._builder.extract_element(vector, _BASES["w"](k))
 
-    def _splat(self, form: ir.VectorType, element: ir.Value) -> ir.Value:
+    def _splat(self, form: Form, element: Word) -> Word:
         """Return a vector whose elements are all equal to one."""
         undefined = form(ir.Undefined)
         one = self._builder.insert_element(undefined, element, _BASES["w"](0))
         mask = ir.VectorType(_BASES["w"], form.count)(0)
         return self._builder.shuffle_vector(one, undefined, mask)
 
-    def _holds_in_any(self, condition: ir.Value) -> ir.Value:
+    def _holds_in_any(self, condition: Word) -> Word:
         """Return a scalar condition that is true if the given one holds in any lane."""
         if not isinstance(condition.type, ir.VectorType):
             return condition
         return self._intrinsic("vector.reduce.or", _BASES["b"], [condition])
 
-    def _first_lane(self, value: Value) -> ir.Value:
+    def _first_lane(self, value: Value) -> Word:
         known = self._value(value)
         return known if self._width == 1 else self._element(known, 0)
 
-    def _pointer(self, start: int, index: Value | None, lane: int = 0) -> ir.Value:
+    def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
         """Return the address of one lane's number in the cell `start`, or in `start` + `index`."""
         number, builder = _BASES["i"], self._builder
         offset = number(start * self._width + lane)
@@ -367,7 +375,7 @@ class _Writer:
         """Return whether all lanes read or write the same cell."""
         return index is None or self._program.is_uniform(index)
 
-    def _load(self, entry: Operation) -> ir.Value:
+    def _load(self, entry: Operation) -> Word:
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -432,7 +440,7 @@ class _Writer:
         builder.position_at_end(end)
 
 
-def _mangled(form: ir.Type) -> str:
+def _mangled(form: Form) -> str:
     """Return a type as LLVM writes it in names of functions."""
     if isinstance(form, ir.VectorType):
         return f"v{form.count}{form.element.intrinsic_name}"

@@ -350,18 +350,18 @@ class Operations:
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
         """Read a cell."""
-        start, index = self._address(start, index)
+        cell, arguments = self._address(start, index)
         out = self.new(kind)
-        self.block.append(Operation(out, "load", index, start))
+        self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
         """Write a value to a cell; within `masked`, only in lanes in which the condition holds."""
-        start, index = self._address(start, index)
         if self._mask is not None:
             kind = self.kinds[value]
-            value = self.emit("select", kind, self._mask, value, self.load(kind, start, *index))
-        self.block.append(Operation(None, "store", (value, *index), start))
+            value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
+        cell, arguments = self._address(start, index)
+        self.block.append(Operation(None, "store", (value, *arguments), cell))
 
     @contextmanager
     def masked(self, condition: Value) -> Iterator[None]:
