@@ -260,10 +260,10 @@ def expectation(annotation: object) -> Expectation:
         return ANYTHING
     # The shape is known for a number, and for an array whose annotation fixes all sizes.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
-    is_known = all(isinstance(size, int) for size in sizes)
-    shape = () if annotation in (int, float) else tuple(sizes) if is_known else None
+    known = tuple(size for size in sizes if isinstance(size, int))
+    has_shape = annotation in (int, float) or len(known) == len(sizes)
     return Expectation(
-        shapes=() if shape is None else (shape,),
+        shapes=(known,) if has_shape else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
         is_flag=annotation is bool,
