@@ -155,7 +155,8 @@ class Reader:
             given[name] = self.value(item, known[name], location.at(name))
         # The unit of a reduction may be omitted: it is that of its quantity.
         unit = getattr(given.get("quantity"), "unit", None)
-        if "unit" in known and "unit" not in given and unit is not None:
+        is_required = "unit" in known and known["unit"].default is REQUIRED
+        if is_required and "unit" not in given and unit is not None:
             given["unit"] = unit
         missing = [
             f"{name} ({one.unit})" if one.unit else name
