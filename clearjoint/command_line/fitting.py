@@ -15,7 +15,7 @@ from ..measurements.readers import Channel, read_csv
 from ..measurements.series import Measurements, Series
 from ..parametrisation.parameter import Parameter
 from ..scene_files.locations import FileLocation
-from ..scene_files.numbers import number_of_text
+from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import Folder
 from .reports import write_fit_report

@@ -15,7 +15,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.paths import parameters, unit_at
 from ..scene_files.locations import FileLocation, Keys, listed
-from ..scene_files.numbers import number_of_text
+from ..scene_files.reading import number_of_text
 
 STATE = "state"
 STEP = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")

@@ -141,9 +141,8 @@ def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
         if changed.source is not None:
             changed.source.changes[(*changed.keys, *keys)] = change
     scene, state = scene_of_document(scene_document, (), scene_location)
-    completed = _with_units(study)
-    parts = Reader(CLASSES).instance(StudyParts, completed, location, other_keys=(SCENE,))
-    return Study(scene, state, parts, location, completed)
+    parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
+    return Study(scene, state, parts, location, study)
 
 
 def _document(path: Path) -> tuple[Document, FileLocation]:
@@ -218,22 +217,6 @@ def _entry(
     if isinstance(node, list) and isinstance(key, int) and key < len(node):
         return node[key]
     return location.refuse(str(key), "an existing key", "see the file")
-
-
-def _with_units(study: Document) -> Document:
-    """Return the tables of a study, in which each reduction without a unit has the unit of its
-    quantity."""
-    units = {kind.__name__: getattr(kind, "unit", None) for kind in CLASSES}
-    for section in ("run", "sweep"):
-        outputs = _table(study.get(section, {})).get("outputs", {})
-        completed = {}
-        for name, output in _table(outputs).items():
-            quantity = output.get("quantity") if isinstance(output, dict) else None
-            unit = units.get(quantity.get("kind", "")) if isinstance(quantity, dict) else None
-            completed[name] = output if unit is None else {"unit": unit, **output}
-        if completed:
-            study = {**study, section: {**_table(study[section]), "outputs": completed}}
-    return study
 
 
 def _table(content: object) -> dict:

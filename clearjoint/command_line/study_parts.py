@@ -198,8 +198,4 @@ def study_schema() -> Schema:
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
     properties |= catalogue.properties(StudyParts)
-    for definition in catalogue.definitions.values():
-        # The unit of a reduction may be omitted: it is that of its quantity.
-        if isinstance(definition, dict) and "quantity" in definition.get("properties", {}):
-            definition["required"] = [one for one in definition["required"] if one != "unit"]
     return catalogue.document("study", properties, ["scene"])

@@ -119,10 +119,8 @@ def sweep_arguments(study: Study, part: SweepPart) -> SweepArguments:
     # checked together. The ledger counts as kept, because `sweep` adds it for outputs that need it.
     for name, output in part.outputs.items():
         check_output(name, output, study.scene, location.at("outputs", name))
-    try:
+    with location.at("outputs").in_errors():
         check_outputs(part.outputs, study.scene, ledger=True)
-    except ValueError as error:
-        raise ValueError(f"{location.at('outputs')}: {error}") from error
     sizes = [axis.values.size for axis in axes.values()]
     # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
@@ -138,10 +136,8 @@ def check_output(name: str, output: object, scene: Scene, location: FileLocation
     """
     if isinstance(output, AbstractQuantity):
         return
-    try:
+    with location.in_errors():
         check_outputs({name: output}, scene, ledger=True)  # pyright: ignore
-    except ValueError as error:
-        raise ValueError(f"{location}: {error}") from error
 
 
 def _values(part: AxisPart, number: Reading, location: FileLocation) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Save and load scenes and states."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -15,7 +15,7 @@ from ..fields.cautions import quiet
 from ..fields.suggestions import nearest
 from ..model.bodies import GROUND, BodyState, State, body_state
 from ..model.scene import Scene
-from .class_names import Classes, require_classes
+from .classes import Classes, require_classes
 from .formats import Document, format_document, parse, read_document, suffix_of
 from .locations import FileLocation, listed
 from .reading import Reader
@@ -62,7 +62,16 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     document[STATE] = writer.table(state, location.at(STATE))
     schema_path = path.with_suffix(".schema.json")
     text = format_document(document, suffix, writer.units, schema_path.name if schema else None)
-    _require_exact(text, (scene, state), writer.user_classes, location)
+    with quiet():
+        read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
+    for one, other, at in zip((scene, state), read, (location, location.at(STATE)), strict=True):
+        difference = first_difference(one, other, at)
+        if difference is not None:
+            difference.refuse(
+                "a value that its class does not restore from arguments",
+                "a field that its constructor fills with the argument of that name",
+                "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
+            )
     path.write_text(text, encoding="utf-8")
     if schema:
         content = json.dumps(scene_schema(writer.user_classes), indent=2)
@@ -137,57 +146,35 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     return scene_of_document(document, classes, location)
 
 
-def _require_exact(
-    text: str, saved: tuple[Scene, State], classes: Classes, location: FileLocation
-) -> None:
-    """Check that reading `text` restores exactly the scene and the state in `saved`.
-
-    **Raises:** `ValueError` that names the location of the first difference.
-    """
-    document = parse(text, suffix_of(Path(location.file)), location.file)
-    with quiet():
-        read = scene_of_document(document, classes, location)
-    for one, other, at in zip(saved, read, (location, location.at(STATE)), strict=True):
-        difference = first_difference(one, other, at)
-        if difference is not None:
-            difference.refuse(
-                "a value that its class does not restore from arguments",
-                "a field that its constructor fills with the argument of that name",
-                "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
-            )
-
-
 def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
     """Return the location of the first difference of two objects, ``None`` if they are equal.
 
     Fields and entries are compared recursively; arrays of NumPy and JAX are equal if their shapes,
     dtypes and bits are. `location` is the location of both objects.
     """
-    if isinstance(one, ARRAYS) and isinstance(other, ARRAYS):
-        return None if _bits(one) == _bits(other) else location
-    entries: Sequence[dict]
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        entries = dict(one), dict(other)
-    elif type(one) is not type(other):
+    are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
+    are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
+    if not (are_arrays or are_tables or type(one) is type(other)):
         return location
-    elif is_dataclass(one) and not isinstance(one, type):
-        names = [field.name for field in fields(one)]
-        entries = [{name: getattr(node, name, None) for name in names} for node in (one, other)]
-    elif isinstance(one, tuple | list) and isinstance(other, tuple | list):
-        entries = dict(enumerate(one)), dict(enumerate(other))
-    elif isinstance(one, float):
-        return None if _bits(one) == _bits(other) else location
-    else:
-        return None if one == other else location
-    if set(entries[0]) != set(entries[1]):
+    entries, others = _entries(one), _entries(other)
+    if not (entries or others):
+        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (one, other))]
+        by_bits = are_arrays or isinstance(one, float)
+        return None if (bits[0] == bits[1] if by_bits else one == other) else location
+    if set(entries) != set(others):
         return location
-    pairs = ((entries[0][key], entries[1][key], location.at(key)) for key in entries[0])
+    pairs = ((entries[key], others[key], location.at(key)) for key in entries)
     return next((found for pair in pairs if (found := first_difference(*pair))), None)
 
 
-def _bits(value: object) -> tuple[object, ...]:
-    array = np.asarray(value)
-    return array.shape, array.dtype, array.tobytes()
+def _entries(node: object) -> dict:
+    if isinstance(node, Mapping):
+        return dict(node)
+    if isinstance(node, tuple | list):
+        return dict(enumerate(node))
+    if is_dataclass(node) and not isinstance(node, type):
+        return {field.name: getattr(node, field.name, None) for field in fields(node)}
+    return {}
 
 
 def scene_of_document(
@@ -200,13 +187,13 @@ def scene_of_document(
 
     **Raises:** `ValueError` as `load`.
     """
-    version, version_location = document.get(VERSION, FORMAT), location.at(VERSION)
-    expected = f"a whole number from 1 to {FORMAT}"
+    version, remedy = document.get(VERSION, FORMAT), ""
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        version_location.refuse(version, expected, f"write {VERSION} = {FORMAT}, or leave it out")
-    if version > FORMAT:
+        remedy = f"write {VERSION} = {FORMAT}, or leave it out"
+    elif version > FORMAT:
         remedy = "a newer clearjoint wrote this file: update yours to read it"
-        version_location.refuse(version, expected, remedy)
+    if remedy:
+        location.at(VERSION).refuse(version, f"a whole number from 1 to {FORMAT}", remedy)
     reader = Reader(classes)
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
     given, state_location = document.get(STATE, {}), location.at(STATE)
@@ -254,36 +241,24 @@ def _guess_state(scene: Scene, given: State) -> State:
     Joints are followed from the ground: the points that a joint brings together coincide. Bodies
     that no joint connects lie at the origin.
     """
+    from scipy.spatial.transform import Rotation
+
+    links = []
+    for joint in scene.joints.values():
+        ends = [(body, np.asarray(point)) for _, body, point in joint.attachments()]
+        if len(ends) == 2:
+            links += [(*ends[0], *ends[1]), (*ends[1], *ends[0])]
     states: dict[str, BodyState] = dict(given.bodies)
-    links = list(_links(scene))
     while len(states) < len(scene.bodies):
         reached = {GROUND, *states}
-        found = next(
-            (link for link in links if link[0] in reached and link[2] not in reached), None
-        )
+        found = next((one for one in links if one[0] in reached and one[2] not in reached), None)
         if found is None:
             name = next(name for name in scene.bodies if name not in states)
             states[name] = body_state(np.zeros(3))
-        else:
-            body, point, next_body, next_point = found
-            states[next_body] = body_state(_global(body, point, states) - next_point)
+            continue
+        body, point, next_body, next_point = found
+        if body != GROUND:
+            turned = Rotation.from_quat(np.asarray(states[body].orientation), scalar_first=True)
+            point = np.asarray(states[body].position) + turned.apply(point)
+        states[next_body] = body_state(point - next_point)
     return replace(given, bodies={name: states[name] for name in scene.bodies})
-
-
-def _links(scene: Scene) -> Iterator[tuple[str, np.ndarray, str, np.ndarray]]:
-    """Yield body, point, other body and other point for each two points, (3,) m in body axes, that
-    a joint brings together, in both orders."""
-    for joint in scene.joints.values():
-        points = [(body, np.asarray(point)) for _, body, point in joint.attachments()]
-        if len(points) == 2:
-            yield *points[0], *points[1]
-            yield *points[1], *points[0]
-
-
-def _global(body: str, point: np.ndarray, states: dict[str, BodyState]) -> np.ndarray:
-    """Return the global position (3,), m, of a point of a body, (3,) m in body axes."""
-    if body == GROUND:
-        return point
-    scalar, *vector = np.asarray(states[body].orientation)
-    across = 2.0 * np.cross(vector, point)
-    return np.asarray(states[body].position) + point + scalar * across + np.cross(vector, across)

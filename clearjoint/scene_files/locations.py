@@ -1,7 +1,9 @@
 """Name locations in a file, and raise errors about the values there."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import NoReturn, TypeAlias
 
 Keys: TypeAlias = tuple[str | int, ...]
@@ -53,16 +55,11 @@ class Source:
             return 0, {}
 
         # tomllib reports no positions. The statement ends where the beginning of the file, if
-        # parsed alone, has the key for the first time: bisect for that line.
-        without, enough = 0, len(lines)
-        while enough - without > 1:
-            middle = (without + enough) // 2
-            if _has(valid_lines(middle)[1], keys):
-                enough = middle
-            else:
-                without = middle
+        # parsed alone, has the key for the first time.
+        counts = range(len(lines))
+        end = bisect_left(counts, True, key=lambda count: _has(valid_lines(count)[1], keys))
         # A statement of several lines begins after the valid text before it.
-        first = valid_lines(enough - 1)[0]
+        first = valid_lines(end - 1)[0]
         while not lines[first].strip() or lines[first].lstrip().startswith("#"):
             first += 1
         return first + 1
@@ -103,6 +100,14 @@ class FileLocation:
         """Raise a `ValueError` that names this location, the value found there, what was expected,
         and what to do."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
+
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Return a context in which messages of `ValueError` begin with this location."""
+        try:
+            yield
+        except ValueError as error:
+            raise ValueError(f"{self}: {error}") from error
 
 
 def _shown(value: object) -> str:

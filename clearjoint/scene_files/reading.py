@@ -5,17 +5,27 @@ import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
+from decimal import Decimal
 
 import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number
 from ..fields.suggestions import nearest
+from ..measurements.units import to_si
 from ..model.orientations import rotation
-from .class_names import Classes, family_names, find_factory, is_abstract
-from .expectations import ANYTHING, Expectation, arguments, constructor
+from .classes import (
+    ANYTHING,
+    REQUIRED,
+    Classes,
+    Expectation,
+    arguments,
+    constructor,
+    family_names,
+    find_kind,
+    is_abstract,
+)
 from .locations import FileLocation, listed
-from .numbers import number_of_text
 
 KIND = "kind"
 """The key under which a table names its class."""
@@ -28,6 +38,9 @@ ROTATION = {
 """Entries of a table that may replace Euler parameters."""
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
+LONGEST = 200
+"""Longest text, in characters, that is read as a number with a unit."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +63,8 @@ class Reader:
         is_number = isinstance(value, int | float | tuple) and not any(map(is_dataclass, rows))
         if not expected.is_array or not is_number:
             return value
-        try:
+        with location.in_errors():
             return as_number(value)
-        except ValueError as error:
-            raise ValueError(f"{location}: {error}") from error
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
         if isinstance(content, Mapping):
@@ -81,9 +92,15 @@ class Reader:
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
         if expected.by_name is None:
-            if expected.classes or KIND in content:
-                kind, factory = self._class(content, expected, location)
+            families = expected.classes
+            if KIND in content:
+                kind, factory = find_kind(content[KIND], families, self.classes, location.at(KIND))
                 return self.instance(kind, content, location, factory=factory)
+            if len(families) == 1 and not is_abstract(families[0]):
+                return self.instance(families[0], content, location)
+            if families:
+                remedy = f"add it: a subclass of {family_names(families)}"
+                location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
             if EULER_PARAMETERS in expected.shapes:
                 return self._rotation(content, location)
             if not expected.is_anything:
@@ -103,23 +120,8 @@ class Reader:
         for name in set(content) - set(ROTATION):
             expected = f"only {' and '.join(ROTATION)}"
             location.at(name).refuse(content[name], expected, "leave it out")
-        try:
+        with location.in_errors():
             return tuple(rotation(**given).tolist())
-        except ValueError as error:
-            raise ValueError(f"{location}: {error}") from error
-
-    def _class(
-        self, content: Mapping, expected: Expectation, location: FileLocation
-    ) -> tuple[type, str]:
-        """Return the class of which a table describes an object, and the name of the static method
-        that makes it, "" for the constructor."""
-        if KIND in content:
-            kind_location = location.at(KIND)
-            return find_factory(content[KIND], expected.classes, self.classes, kind_location)
-        if len(expected.classes) == 1 and not is_abstract(expected.classes[0]):
-            return expected.classes[0], ""
-        remedy = f"add it: a subclass of {family_names(expected.classes)}"
-        return location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
 
     def instance(
         self,
@@ -150,20 +152,31 @@ class Reader:
                 keys = [KIND, *known, *other_keys]
                 remedy = nearest(name, keys, "leave it out")
                 location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
-            given[name] = self.value(item, known[name].expected, location.at(name))
-        needed = {name: one.expected.unit for name, one in known.items() if one.is_required}
-        missing = {name: unit for name, unit in needed.items() if name not in given}
+            given[name] = self.value(item, known[name], location.at(name))
+        # The unit of a reduction may be omitted: it is that of its quantity.
+        unit = getattr(given.get("quantity"), "unit", None)
+        is_required = "unit" in known and known["unit"].default is REQUIRED
+        if is_required and "unit" not in given and unit is not None:
+            given["unit"] = unit
+        missing = [
+            f"{name} ({one.unit})" if one.unit else name
+            for name, one in known.items()
+            if one.default is REQUIRED and name not in given
+        ]
         if missing:
-            named = [f"{name} ({unit})" if unit else name for name, unit in missing.items()]
-            names = ", ".join(named)
+            names = ", ".join(missing)
             raise ValueError(f"{location}: a {kind.__name__} also needs {names}: add them.")
         try:
             made = constructor(kind, factory)(**given)
         except (ValueError, TypeError) as error:
             raise ValueError(f"{_argument_location(error, content, location)}: {error}") from error
+        # Not every constructor checks the classes of its arguments.
         for name, item in given.items():
-            stored = getattr(made, name, None)
-            _require_class(stored, item, known[name].expected, location.at(name))
+            families, stored = known[name].classes, getattr(made, name, None)
+            is_number = bool(known[name].shapes) and isinstance(stored, np.ndarray | tuple)
+            if families and not (stored is None or is_number or isinstance(stored, families)):
+                expected = f"a table whose `{KIND}` is a {family_names(families)}"
+                location.at(name).refuse(item, expected, "write one")
         return made
 
 
@@ -186,19 +199,6 @@ def _argument_location(error: Exception, content: object, location: FileLocation
     return location
 
 
-def _require_class(
-    stored: object, given: object, expected: Expectation, location: FileLocation
-) -> None:
-    """Raise `ValueError` unless `stored`, which a constructor has made of `given`, is an object of
-    an expected class, or numbers where these are allowed: not every constructor checks."""
-    is_number = bool(expected.shapes) and isinstance(stored, np.ndarray | tuple)
-    if not expected.classes or stored is None or is_number:
-        return
-    if not isinstance(stored, expected.classes):
-        family = family_names(expected.classes)
-        location.refuse(given, f"a table whose `{KIND}` is a {family}", "write one")
-
-
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
     """Return the member of an enumeration, the text, the number or the None for which a text
     stands."""
@@ -211,3 +211,36 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
     if expected.is_text:
         return content
     return None if content == ABSENT else number_of_text(content, expected.unit, location)
+
+
+def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
+    """Return the number of a text such as "0.3 mm" in an SI unit. It is rounded once: "0.3 mm" is
+    exactly the float 3e-4.
+
+    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: for messages.
+
+    **Raises:** `ValueError` for a text without a number, for a unit of another dimension than
+    `unit`, and for a unit where none is declared.
+    """
+    expected = "a number" if unit is None else f"a number in {unit}"
+    matched = NUMBER.fullmatch(text) if len(text) <= LONGEST else None
+    if matched is None:
+        location.refuse(text, expected, "write a number, in quotes only if it has a unit")
+    digits, written = matched[1], matched[2].strip()
+    number = float(digits)
+    if math.isinf(number) and "inf" not in digits:
+        location.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
+    if not written:
+        return number
+    if unit is None:
+        remedy = "write a plain number in SI units; fields made by `quantity` convert units"
+        location.refuse(text, "a number without a unit, since none is declared", remedy)
+    try:
+        factor, _ = to_si(written, unit)
+    except ValueError as error:
+        raise ValueError(
+            f"{location}: found {text!r}, expected {expected}: write a unit of this dimension, "
+            f"or a plain number in {unit}."
+        ) from error
+    # The product of the decimal digits is exact; float() rounds it once.
+    return float(Decimal(digits) * Decimal(repr(factor))) if math.isfinite(number) else number

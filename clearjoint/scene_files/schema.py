@@ -5,8 +5,16 @@ from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
-from .class_names import Classes, class_name, is_abstract, known_classes, require_classes
-from .expectations import Argument, Expectation, arguments, factories
+from .classes import (
+    REQUIRED,
+    Classes,
+    Expectation,
+    arguments,
+    constructor,
+    is_abstract,
+    known_kinds,
+    require_classes,
+)
 from .formats import SCHEMA
 from .reading import EULER_PARAMETERS, KIND, ROTATION
 
@@ -67,13 +75,11 @@ class Catalogue:
     def properties(self, kind: type, factory: str = "") -> Schema:
         """Return the schemas of the arguments of a class's constructor, or of its static method
         named `factory`, by name."""
-        known = arguments(kind, factory).items()
-        return {name: self._argument(argument) for name, argument in known}
-
-    def _argument(self, argument: Argument) -> Schema:
-        unit = argument.expected.unit
-        schema = self._value(argument.expected)
-        return schema if unit is None else {**schema, "description": f"unit: {unit}"}
+        return {
+            name: self._value(expected)
+            | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
+            for name, expected in arguments(kind, factory).items()
+        }
 
     def _value(self, expected: Expectation) -> Schema:
         if expected.is_anything:
@@ -93,28 +99,26 @@ class Catalogue:
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
         implied = len(families) == 1 and not is_abstract(families[0])
-        kinds = dict.fromkeys(known_classes(families, self.classes).values())
-        names = []
-        for kind in kinds:
-            for factory in ("", *factories(kind)):
-                end = f".{factory}" if factory else ""
-                name = class_name(kind) + end
-                names.append(name)
-                if name not in self.definitions:
-                    self.definitions[name] = {}  # the definition may refer to itself
-                    kind_names = sorted({name, kind.__name__ + end})
-                    definition = self._definition(kind, factory, kind_names, implied)
-                    self.definitions[name] = definition
-        return [_reference(name) for name in names]
-
-    def _definition(self, kind: type, factory: str, names: list[str], implied: bool) -> Schema:
-        properties = {KIND: {"enum": names}} | self.properties(kind, factory)
-        known = arguments(kind, factory)
-        needed = [key for key, argument in known.items() if argument.is_required]
-        table = _table(properties, needed if implied and not factory else [KIND, *needed])
-        documented = factories(kind)[factory] if factory else kind
-        summary = (documented.__doc__ or "").strip().split("\n")[0]
-        return {**table, "description": summary}
+        names: dict[tuple[type, str], list[str]] = {}
+        for name, maker in known_kinds(families, self.classes).items():
+            names.setdefault(maker, []).append(name)
+        for (kind, factory), known in names.items():
+            if known[-1] not in self.definitions:
+                self.definitions[known[-1]] = {}  # the definition may refer to itself
+                properties = {KIND: {"enum": sorted(known)}} | self.properties(kind, factory)
+                needed = [] if implied and not factory else [KIND]
+                for name, expected in arguments(kind, factory).items():
+                    # The unit of a reduction may be omitted: it is that of its quantity.
+                    is_implied = name == "unit" and "quantity" in properties
+                    if expected.default is REQUIRED and not is_implied:
+                        needed.append(name)
+                documented = constructor(kind, factory) if factory else kind
+                summary = (documented.__doc__ or "").strip().split("\n")[0]
+                self.definitions[known[-1]] = {
+                    **_table(properties, needed),
+                    "description": summary,
+                }
+        return [_reference(known[-1]) for known in names.values()]
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:

@@ -10,6 +10,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
+import numpy as np
+
 from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
@@ -18,7 +20,7 @@ from ..model.clearance_joints.backlash import Backlash
 from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.joints.ideal import RevoluteJoint
 from ..model.scene import Scene
-from .expectations import Expectation, arguments
+from .classes import Expectation, arguments
 from .files import FilePath
 from .locations import FileLocation, listed
 from .reading import Reader
@@ -31,7 +33,6 @@ from .urdf_parts import (
     euler_parameters,
     is_massless,
     joint_of,
-    root_frame,
 )
 
 if TYPE_CHECKING:
@@ -187,10 +188,8 @@ def load_urdf(
         link_rotation, link_origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
         centre = link_origin - link_rotation @ frames[name].origin
         state[name] = body_state(centre, euler_parameters(link_rotation))
-    try:
+    with location.in_errors():
         return Scene(bodies, joints, gravity=gravity), State(state)
-    except ValueError as error:
-        raise ValueError(f"{location}: {error}") from error
 
 
 def _not_carried_over(
@@ -245,7 +244,7 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
         remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
         location.at(name).refuse(given, "arguments by name", remedy)
     kind = Backlash if BACKLASH in given else ClearanceJoint
-    expected = {key: argument.expected for key, argument in arguments(kind).items()}
+    expected = arguments(kind)
     known = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
     if kind is Backlash:
         known[BACKLASH] = expected["play"]
@@ -273,10 +272,8 @@ def _backlash(
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
         options["torsional_stiffness"] = effort / (WIND_UP * float(given[BACKLASH]))
-    try:
+    with location.in_errors():
         return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
-    except ValueError as error:
-        raise ValueError(f"{location}: {error}") from error
 
 
 def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
@@ -295,23 +292,17 @@ def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]
     roots = [name for name in links if name not in carried]
     if len(roots) != 1:
         location.refuse(roots, "one root link that is no joint's child", "join the others to it")
-    frames = {roots[0]: root_frame()}
-    leaving: dict[str, list[yourdfpy.Joint]] = {}
-    for joint in robot.joints:
-        leaving.setdefault(joint.parent, []).append(joint)
-    waiting = list(leaving.pop(roots[0], ()))
+    frames = {roots[0]: Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))}
+    waiting = list(robot.joints)
     while waiting:
-        joint = waiting.pop()
-        if joint.child not in links or joint.child in frames:
-            leaving = {joint.parent: [joint], **leaving}
-            break
+        joint = next((one for one in waiting if one.parent in frames), waiting[0])
+        if joint.parent not in frames or joint.child not in links or joint.child in frames:
+            names = [one.name for one in waiting]
+            location.refuse(names, "joints of a tree between known links", "correct their links")
+        waiting.remove(joint)
         link = links[joint.child]
         if is_massless(link) and joint.type != "fixed":
             remedy = "give it an <inertial>, or fix it to its parent"
             location.at(link.name).refuse("no mass", "the mass of a moving link", remedy)
         frames[link.name] = child_frame(joint, frames[joint.parent], link)
-        waiting += leaving.pop(link.name, ())
-    if leaving:
-        names = [joint.name for joints in leaving.values() for joint in joints]
-        location.refuse(names, "joints of a tree between known links", "correct their links")
     return frames

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from jaxtyping import PyTree
 
-from ..model.bodies import GROUND, Body
+from ..model.bodies import Body
 from ..model.clearance_joints.axial import FixedAxially
 from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
@@ -60,11 +60,6 @@ def child_frame(joint: "yourdfpy.Joint", parent: Frame, link: "yourdfpy.Link") -
     return Frame(link.name, -centre, np.eye(3), pose)
 
 
-def root_frame() -> Frame:
-    """Return the frame of the root link, which is that of the ground."""
-    return Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))
-
-
 def is_massless(link: "yourdfpy.Link") -> bool:
     """Return whether a link has no mass."""
     return link.inertial is None or not link.inertial.mass
@@ -82,10 +77,8 @@ def body_of(link: "yourdfpy.Link", location: FileLocation) -> Body:
     rotation = transform(inertial.origin)[:3, :3]
     tensor = rotation @ inertial.inertia @ rotation.T
     is_principal = not np.any(tensor - np.diag(tensor.diagonal()))
-    try:
+    with location.in_errors():
         return Body(inertial.mass, tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T))
-    except ValueError as error:
-        raise ValueError(f"{location}: {error}") from error
 
 
 def transform(origin: np.ndarray | None) -> np.ndarray:
@@ -130,7 +123,7 @@ def joint_of(
         location.refuse(
             numbers[~np.isfinite(numbers)].tolist(), "finite origin and axis (3,)", remedy
         )
-    try:
+    with location.in_errors():
         if play is not None:
             return ClearanceJoint(
                 *bodies,
@@ -146,7 +139,5 @@ def joint_of(
             return PrismaticJoint(*bodies, *points, rotation @ axis, euler_parameters(rotation))
         if joint.type == "fixed":
             return FixedJoint(*bodies, *points, euler_parameters(rotation))
-    except ValueError as error:
-        raise ValueError(f"{location}: {error}") from error
     kinds = listed([*HINGES, "prismatic", "fixed", "floating"])
     return location.refuse(joint.type, f"one of the types {kinds}", "add the joint to the scene")

@@ -173,6 +173,11 @@ def test_settings_are_a_preset_with_changes(folder):
     assert study.settings(study.parts.fit, "fit") == cj.presets.identification
 
 
+def test_reductions_have_the_unit_of_their_quantity_and_columns_that_of_the_header(folder):
+    parts = read_study(Path("study.toml")).parts
+    assert parts.run.outputs["hardest"].unit == "N" and parts.fit.columns["height"].unit is None
+
+
 def test_axes_take_units_and_ranges(folder):
     study = read_study(Path("study.toml"))
     axes = sweep_arguments(study, study.parts.sweep).axes

@@ -18,8 +18,7 @@ from jaxtyping import Float
 
 import clearjoint as cj
 from clearjoint.model.contact.laws import AbstractElasticity
-from clearjoint.scene_files.class_names import is_abstract
-from clearjoint.scene_files.expectations import Expectation, arguments
+from clearjoint.scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
 from clearjoint.scene_files.files import first_difference
 from clearjoint.scene_files.locations import FileLocation
 
@@ -95,11 +94,10 @@ def made_at_random(kind: type, draws: Iterator[float]) -> Any:
     """An element with values for all arguments of its constructor."""
     bodies = iter("ab")
     given = {}
-    for name, argument in arguments(kind).items():
-        expected = argument.expected
+    for name, expected in arguments(kind).items():
         if expected.classes:
             given[name] = ANY_OF[expected.classes[0]]
-        elif expected.is_text and argument.is_required:
+        elif expected.is_text and expected.default is REQUIRED:
             given[name] = next(bodies)
         elif not expected.is_text and (expected.shapes or expected.unit):
             given[name] = numbers(expected, draws)

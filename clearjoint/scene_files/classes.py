@@ -1,0 +1,270 @@
+"""Classes that a file may name, and the values that the arguments of their constructors may have.
+
+A name imports nothing: the class belongs to the package, or the caller passes it. Values follow
+from annotations and units.
+"""
+
+import inspect
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from functools import cache
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import jax
+import numpy as np
+
+from ..fields.checks import require
+from ..fields.readable import AbstractReadable
+from ..fields.suggestions import nearest
+from ..model.bodies import BodyState, body_state
+from ..quantities.base import AbstractQuantity, Quantity
+from .locations import FileLocation, listed
+
+PACKAGE = __name__.split(".")[0]
+MAIN = "__main__"
+CONSTRUCTORS: dict[type, Callable[..., object]] = {BodyState: body_state}
+"""Functions that check arguments and make an instance, by the class, for classes whose constructors
+do not check."""
+REQUIRED = inspect.Parameter.empty
+Classes: TypeAlias = Collection[type]
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Values that an argument of a constructor, or an entry of a table or list, may have.
+
+    - `unit`: SI unit of its numbers; None if no unit is declared.
+    - `shapes`: shapes that its numbers may have, () for a single number; empty if unknown.
+    - `is_array`: whether numbers, also a single one, are converted to an array.
+    - `classes`: base classes of the objects that are allowed.
+    - `options`: enumeration whose members are the only allowed values.
+    - `is_text`: whether a text is allowed.
+    - `is_flag`: whether true and false are allowed.
+    - `is_anything`: whether any value is allowed, since the annotation says nothing.
+    - `by_name`: expected entries of a table of arbitrary names.
+    - `item`: expected entries of a list.
+    - `default`: default value of the argument, or `REQUIRED`.
+    """
+
+    unit: str | None = None
+    shapes: tuple[tuple[int, ...], ...] = ()
+    is_array: bool = False
+    classes: tuple[type, ...] = ()
+    options: type[Enum] | None = None
+    is_text: bool = False
+    is_flag: bool = False
+    is_anything: bool = False
+    by_name: "Expectation | None" = None
+    item: "Expectation | None" = None
+    default: object = REQUIRED
+
+
+ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
+
+
+def require_classes(given: Classes) -> None:
+    """Raise `ValueError` unless the argument `classes` is a collection of classes."""
+    remedy = "pass for example classes=[MyLaw]"
+    require(not isinstance(given, type | str), "classes", given, "a list of classes", remedy)
+    for kind in given:
+        require(isinstance(kind, type), "classes", kind, "a list of classes", remedy)
+
+
+def class_name(kind: type) -> str:
+    """Return the name of a class in files: "Class" if it belongs to the package, else
+    "module:Class"."""
+    name = f"{kind.__module__}:{kind.__qualname__}"
+    return kind.__name__ if is_from_package(kind) else name
+
+
+def is_from_package(kind: type) -> bool:
+    """Return whether a class belongs to the package."""
+    return kind.__module__.split(".")[0] == PACKAGE
+
+
+def is_abstract(kind: type) -> bool:
+    """Return whether a class is only a base of others."""
+    return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
+
+
+def known_kinds(families: tuple[type, ...], given: Classes) -> dict[str, tuple[type, str]]:
+    """Return what a file may name as `kind`: by name, such as "Body" and "Body.rod", the class and
+    the name of its static method that makes an object, "" for the constructor.
+
+    A class that the caller passes may have two names, with and without its module.
+
+    **Arguments:** `families`: base classes, one of which a class must have, or none for any class;
+    `given`: user-defined classes that the caller passes.
+    """
+    included = filter(is_from_package, _subclasses(AbstractReadable))
+    named = {kind.__name__: kind for kind in (*given, *included)}
+    named |= {class_name(kind): kind for kind in given}
+    return {
+        f"{name}.{factory}" if factory else name: (kind, factory)
+        for name, kind in named.items()
+        if issubclass(kind, families or (object,)) and not is_abstract(kind)
+        for factory in ("", *factories(kind))
+    }
+
+
+def _subclasses(kind: type) -> Iterator[type]:
+    for subclass in kind.__subclasses__():
+        yield subclass
+        yield from _subclasses(subclass)
+
+
+def family_names(families: tuple[type, ...]) -> str:
+    """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
+    return " or ".join(kind.__name__ for kind in families)
+
+
+def find_kind(
+    name: object, families: tuple[type, ...], given: Classes, location: FileLocation
+) -> tuple[type, str]:
+    """Return the class that a file names, and the name of its static method or "".
+
+    **Arguments:**
+
+    - `name`: the name in the file. For "__main__:Class", which a script has saved, a class "Class"
+      of any module is found.
+    - `families`, `given`: as for `known_kinds`.
+    - `location`: place of the name in the file, for error messages.
+
+    **Raises:** `ValueError` if the name is no text or unknown, if the class has none of the base
+    classes, or if the caller has not passed a user-defined class.
+    """
+    known = known_kinds(families, given)
+    expected = f"one of {listed(known)}"
+    if not isinstance(name, str):
+        location.refuse(name, "the name of a class", f"write {expected}")
+    module, _, short = name.rpartition(":")
+    found = known.get(short if module == MAIN else name)
+    if found is not None:
+        return found
+    if name in known_kinds((), given):
+        location.refuse(name, expected, f"take a subclass of {family_names(families)}")
+    if module:
+        expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
+        remedy = f"import it and pass classes=[{short.split('.')[-1]}]; a file imports nothing"
+        location.refuse(name, expected, remedy)
+    otherwise = "write module:Class for a user-defined class, and pass the class"
+    return location.refuse(name, expected, nearest(name, known, otherwise))
+
+
+@cache
+def factories(kind: type) -> dict[str, Callable[..., object]]:
+    """Return the public static methods of a class that are annotated to return an instance of it,
+    by name."""
+    methods = {
+        name: member.__func__
+        for name, member in vars(kind).items()
+        if isinstance(member, staticmethod) and not name.startswith("_")
+    }
+    return {
+        name: method for name, method in methods.items() if _hints(method).get("return") is kind
+    }
+
+
+def constructor(kind: type, factory: str = "") -> Callable[..., object]:
+    """Return the function that makes an instance of a class: its static method named `factory`, or,
+    for an empty name, its constructor."""
+    return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
+
+
+@cache
+def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
+    """Return what the arguments of a class's constructor, or of its static method named `factory`,
+    may be, by name."""
+    make = constructor(kind, factory)
+    make = kind.__init__ if make is kind else make
+    hints = _hints(make) | _hints(kind)
+    declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
+    return {
+        name: replace(
+            _with_unit(expectation(hints.get(name, Any)), declared.get(name, {})),
+            default=parameter.default,
+        )
+        for name, parameter in inspect.signature(make).parameters.items()
+        if name != "self"
+        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    }
+
+
+def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
+    """Return the expectation with the unit and shape that a field's metadata declare."""
+    if "unit" not in metadata:
+        return expected
+    shape = getattr(metadata.get("declared"), "shape", None)
+    return replace(
+        expected,
+        unit=metadata["unit"],
+        shapes=expected.shapes if shape is None else (shape,),
+        by_name=expected.by_name and _with_unit(expected.by_name, metadata),
+        item=expected.item and _with_unit(expected.item, {"unit": metadata["unit"]}),
+        is_text=expected.is_text and not expected.is_anything,
+        is_flag=expected.is_flag and not expected.is_anything,
+        is_anything=False,
+    )
+
+
+def _hints(owner: object) -> dict[str, object]:
+    """Return the annotations of a class or function by name; as texts if one of them names a type
+    that is unknown at run time."""
+    try:
+        return get_type_hints(owner, include_extras=True)
+    except NameError:
+        return dict(getattr(owner, "__annotations__", {}))
+
+
+def expectation(annotation: object) -> Expectation:
+    """Return the values that an annotation allows; a text in ``Annotated[float, "s"]`` is their
+    unit."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        unit = next((note for note in inner[1:] if isinstance(note, str)), None)
+        return replace(expectation(inner[0]), unit=unit)
+    if annotation == Quantity:
+        return Expectation(classes=(AbstractQuantity,))
+    if origin in (Union, UnionType):
+        parts = [expectation(kind) for kind in inner if kind is not NoneType]
+        # Shapes and classes add up, of all else the first that is given.
+        merged: dict[str, Any] = {}
+        for entry in fields(Expectation):
+            given = [value for part in parts if (value := getattr(part, entry.name))]
+            is_tuple = isinstance(entry.default, tuple)
+            merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+        return Expectation(**merged)
+    if origin is Literal:
+        return Expectation(is_text=True)
+    if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
+        return Expectation(by_name=expectation(inner[1]))
+    if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
+        return Expectation(item=expectation(inner[0]))
+    if inspect.isclass(annotation) and issubclass(annotation, Enum):
+        return Expectation(options=annotation)
+    if inspect.isclass(annotation) and is_dataclass(annotation):
+        return Expectation(classes=(annotation,))
+    if annotation is Any or isinstance(annotation, str | TypeVar):
+        return ANYTHING
+    # The shape is known for a number, and for an array whose annotation fixes all sizes.
+    sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
+    known = tuple(size for size in sizes if isinstance(size, int))
+    has_shape = annotation in (int, float) or len(known) == len(sizes)
+    return Expectation(
+        shapes=(known,) if has_shape else (),
+        is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
+        is_text=annotation is str,
+        is_flag=annotation is bool,
+    )
