@@ -141,7 +141,7 @@ def overflowing():
     scene, state = rod(-1.1 * CLEARANCE)
     scheme = Scheme.of(cj.Settings(solver=diffrax.Bosh3(), landing_tolerance=None))
     form, times = fold_constants(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
-    return scheme, form, begin(scheme, form, state, *times, False, None)
+    return scheme, form, begin(scheme, form, state, *times, {})
 
 
 def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
