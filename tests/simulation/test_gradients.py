@@ -161,7 +161,7 @@ def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
 
 def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
-    arguments = (scheme, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
+    arguments = (scheme, form, {}, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
     reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, CheckpointedLoops(1))[0])
     assert "custom_vjp_call" not in plain and "custom_vjp_call" in reverse

@@ -132,7 +132,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         else:
             # Most steps have no crossing: the root is searched for only in those that have.
             row = jax.lax.cond(
-                rises, lambda: self._columns(step_outcome, before, after), self._none
+                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
             )
             time = row[TIME]
         wanted = self.capacity if self.wanted is None else self.wanted

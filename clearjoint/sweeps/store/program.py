@@ -65,8 +65,8 @@ def programs(
     step = fingerprints(traced.step, numbers, lane, 1.0)
     # Outputs depend on a lane only through this snapshot, so that their digests don't change if
     # another part of the step does.
-    step = lane.run.step
-    row = Snapshot(step.t, step.y, step.entry_speeds)
+    now = lane.run.step
+    row = Snapshot(now.t, now.y, now.entry_speeds)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
     # Records of impacts change the lane, so that they are traced in a lane of their own: a table
