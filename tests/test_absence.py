@@ -177,7 +177,7 @@ def started(of):
     """The run before its first step, in shapes only."""
     numbers = [np.float64(t) for t in (0.0, 1.0, 1e-6)]
     return jax.eval_shape(
-        lambda of, state: begin(scheme(), of, state, *numbers, None, None).step, of, STATE
+        lambda of, state: begin(scheme(), of, state, *numbers, {}).step, of, STATE
     )
 
 

@@ -141,7 +141,7 @@ def overflowing():
     scene, state = rod(-1.1 * CLEARANCE)
     scheme = Scheme.of(cj.Settings(solver=diffrax.Bosh3(), landing_tolerance=None))
     form, times = fold_constants(scene), [jnp.asarray(t) for t in (0.0, 1e160, 1e155)]
-    return scheme, form, begin(scheme, form, state, *times, False, None)
+    return scheme, form, begin(scheme, form, state, *times, {})
 
 
 def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
@@ -161,7 +161,7 @@ def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
 
 def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
-    arguments = (scheme, form, now, None, jnp.asarray(1.0), jnp.asarray(9))
+    arguments = (scheme, form, {}, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
     reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, CheckpointedLoops(1))[0])
     assert "custom_vjp_call" not in plain and "custom_vjp_call" in reverse

@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.run.segments import begin, recorders_of, segment
 from clearjoint.simulation.step.landing import Landing
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.solvers import default_controller, ready_solver
@@ -56,8 +56,10 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
     scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
-    run = eqx.filter_jit(begin)(scheme, scene, state, *times, saving is not None, None)
-    lowered = eqx.filter_jit(segment).lower(scheme, scene, run, saving, times[1], jnp.asarray(9))
+    recorders = recorders_of(saving is not None, None, None, {}, {})
+    run = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
+    arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9)
+    lowered = eqx.filter_jit(segment).lower(*arguments)
     compiled = lowered.compile()
     text = compiled.compiled.as_text()
     assert text.count("xla_cpu_small_call") >= 1

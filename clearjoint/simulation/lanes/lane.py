@@ -8,12 +8,13 @@ saved states. The host is the Python code that reads the logs.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import reduce
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.assembly import ACCEPTED_VIOLATION, REPRESENTED
@@ -27,60 +28,22 @@ from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..reductions.reductions import AbstractReduction
 from ..results.state_tables import contact_label
-from ..run.advance import Recorder, StepOutcome, advance, latest_dense_step
-from ..run.impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow
+from ..run.impact_recorder import ROWS, ImpactRecorder
+from ..run.recorders import LatestDenseStep, ReductionRecorder
 from ..run.row_buffer import RowBuffer
 from ..run.run_ends import begin_run, final_result, final_state
-from ..run.sections import Crossing
-from ..step.dense_output import DenseStep, Snapshot, on_constraints
+from ..run.run_loop import Progress, Recorders, RunLoop
+from ..run.sections import Crossing, SectionRecorder
+from ..run.segments import IMPACTS, LATEST, REDUCTIONS, SECTIONS
+from ..step.dense_output import Snapshot, on_constraints
 from ..step.method import Scheme
-from ..step.step_state import Attempt, Method, Step, choose
-from ..step.stepping import attempt, running
-from ..step.time_map import FromOnset
+from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
-ROWS = 64
-"""Number of rows of each buffer of a lane. When a buffer is full, the lane waits until the host has
-emptied its buffers."""
+T = TypeVar("T")
 WINDOW = ROWS + 1
 """Number of times to save at in a `SegmentRequest`: one more than a buffer has rows, so that a lane
 with a full buffer still knows whether more states are to be saved."""
-LATEST = ""
-"""Name of the record of the latest accepted step. Outputs have names that aren't empty."""
-
-
-class CrossingRecord(eqx.Module):
-    """Crossings of a section that a lane has recorded.
-
-    - `level`: the section's quantity after the latest accepted step, in its unit; a crossing is
-      where it rises through zero.
-    - `rows`: time and state at the crossings that the host has not read yet.
-    """
-
-    level: Scalar
-    rows: RowBuffer[Snapshot]
-
-
-class CrossingRecorder(eqx.Module):
-    """Records the crossings of a section.
-
-    `wanted`: number of crossings to record, besides those that the host has already read.
-    """
-
-    section: Crossing
-    wanted: Scalar
-
-    def __call__(self, record: CrossingRecord, step_outcome: StepOutcome) -> CrossingRecord:
-        """Return the record after a step was tried.
-
-        A crossing in the step is added to the record, if the step was accepted and more crossings
-        are wanted.
-        """
-        kept, before, after = step_outcome.kept, record.level, self.section.level(step_outcome.now)
-        row = self.section.row(step_outcome, before, after)
-        rises = kept & (before < 0.0) & (after >= 0.0)
-        wanted = rises & (row.t >= self.section.after) & (self.wanted > record.rows.count)
-        return CrossingRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
 
 
 class Plan(eqx.Module):
@@ -100,10 +63,22 @@ class Plan(eqx.Module):
     max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
-    @property
-    def method(self) -> Method:
-        """Solver, step-size controller and landing of all lanes."""
-        return self.scheme.method
+    def loop(self, system: System, request: "SegmentRequest") -> RunLoop:
+        """Return the loop of a lane."""
+        recorders: dict[str, Recorders] = {
+            REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
+            SECTIONS: {
+                name: SectionRecorder(crossing, None, ROWS, request.wanted.get(name))
+                for name, crossing in self.sections.items()
+            },
+            IMPACTS: {
+                name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
+                for name, recorder in self.impacts.items()
+            },
+        }
+        if self.saves:
+            recorders[LATEST] = LatestDenseStep()
+        return RunLoop(self.scheme.method, system, request.end_time, recorders)
 
 
 class SegmentRequest(eqx.Module):
@@ -123,32 +98,32 @@ class SegmentRequest(eqx.Module):
 class Lane(eqx.Module):
     """A run between two turns.
 
-    - `step`: the complete state of the run after its latest attempt.
-    - `tallies`, `crossings`, `impacts`: records of reductions, sections and tables of impacts, by
-      the name of the output.
-    - `dense_step`: the latest accepted step; `saved`: saved states that the host has not read yet.
-      Both are ``None`` unless states are saved.
+    - `run`: the run after its latest attempt, with the records of reductions, sections and tables
+      of impacts by the name of the output, and with the latest accepted step if states are saved.
+    - `saved`: saved states that the host has not read yet; ``None`` unless states are saved.
     """
 
-    step: Step
-    tallies: dict[str, PyTree]
-    crossings: dict[str, CrossingRecord]
-    impacts: dict[str, ImpactRecord]
-    dense_step: DenseStep | None
+    run: Progress
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
         """Return whether the run goes on: before `end_time`, s, and without failure."""
-        return running(self.step, end_time, plan.max_steps)
+        return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
         """Return the buffers of crossings and of impacts, by the name of the log."""
-        buffers: dict[str, RowBuffer] = {n: record.rows for n, record in self.crossings.items()}
-        for name, record in self.impacts.items():
+        records = self.run.records
+        buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
+        for name, record in records[IMPACTS].items():
             for joint, family in record.items():
                 for contact, one in family.items():
                     buffers[impact_log(name, joint, contact)] = one.rows
         return buffers
+
+
+def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
+    """Return the entries whose key starts with `prefix`, by the rest of their key."""
+    return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
@@ -184,27 +159,15 @@ def begin_lane(
     # code with which it takes no step, and the other lanes run.
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
-    step = begin_run(plan.method, system, state, start_time, request.end_time, request.first_step)
+    step = begin_run(
+        plan.scheme.method, system, state, start_time, request.end_time, request.first_step
+    )
     step = eqx.tree_at(
         lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
     )
     row = Snapshot(step.t, step.y, step.entry_speeds)
-    now = row.instant(system)
-    no_impacts = RowBuffer.like(ImpactRow.none(), ROWS)
-    lane = Lane(
-        step,
-        {name: reduction.start(now) for name, reduction in plan.reductions.items()},
-        {
-            name: CrossingRecord(section.level(now), RowBuffer.like(row, ROWS))
-            for name, section in plan.sections.items()
-        },
-        {
-            name: recorder.start(plan.method, system, step, no_impacts)
-            for name, recorder in plan.impacts.items()
-        },
-        _empty_dense_step(plan, system, step, request) if plan.saves else None,
-        RowBuffer.like(row, ROWS) if plan.saves else None,
-    )
+    saved = RowBuffer.like(row, ROWS) if plan.saves else None
+    lane = Lane(plan.loop(system, request).start(step), saved)
     # Without weak types, as the loop returns the lane: its program needs equal types on both sides.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
@@ -216,66 +179,8 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
     state within its latest step is still to be saved. After that, the lane saves at most one state.
     """
     system = plan.scheme.system(scene)
-    step, records = advance(
-        plan.method,
-        system,
-        lane.step,
-        request.end_time,
-        _records(lane),
-        _recorders(plan, request),
-        goes=_goes(plan, lane, request),
-    )
-    lane = Lane(
-        step,
-        {name: records[name] for name in lane.tallies},
-        {name: records[name] for name in lane.crossings},
-        {name: records[name] for name in lane.impacts},
-        records.get(LATEST),
-        lane.saved,
-    )
-    return _with_save(plan, system, lane, request)
-
-
-def _records(lane: Lane) -> dict[str, PyTree]:
-    latest = {} if lane.dense_step is None else {LATEST: lane.dense_step}
-    return {**lane.tallies, **lane.crossings, **lane.impacts, **latest}
-
-
-def _recorders(plan: Plan, request: SegmentRequest) -> dict[str, Recorder]:
-    return {
-        **{name: _updating(reduction) for name, reduction in plan.reductions.items()},
-        **{
-            name: CrossingRecorder(section, request.wanted[name])
-            for name, section in plan.sections.items()
-        },
-        **{name: _tabling(recorder, name, request) for name, recorder in plan.impacts.items()},
-        LATEST: latest_dense_step,
-    }
-
-
-def _updating(reduction: AbstractReduction) -> Recorder:
-    """Return the function that updates a reduction's tally after an accepted step."""
-
-    def after(tally: PyTree, step_outcome: StepOutcome) -> PyTree:
-        return choose(step_outcome.kept, reduction.update(tally, step_outcome.now), tally)
-
-    return after
-
-
-def _tabling(recorder: ImpactRecorder, name: str, request: SegmentRequest) -> Recorder:
-    """Return the function that updates the impacts of the output `name` after a step.
-
-    It records at most the requested number of rows of each contact.
-    """
-
-    def after(record: ImpactRecord, step_outcome: StepOutcome) -> PyTree:
-        wanted = {
-            joint: {contact: request.wanted[impact_log(name, joint, contact)] for contact in family}
-            for joint, family in record.items()
-        }
-        return recorder.after(record, step_outcome, wanted)
-
-    return after
+    run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
+    return _with_save(plan, system, Lane(run, lane.saved), request)
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
@@ -284,7 +189,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     The outcome is final if the lane has ended.
     """
     system = plan.scheme.system(scene)
-    step = lane.step
+    step = lane.run.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return Outcome(
         step.t,
@@ -293,7 +198,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
         step.accepted,
         final_state(system, step),
         {
-            name: reduction.results(lane.tallies[name], now)
+            name: reduction.results(lane.run.records[REDUCTIONS][name], now)
             for name, reduction in plan.reductions.items()
         },
     )
@@ -335,7 +240,7 @@ def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
     """Return whether the run has reached the next time to save at."""
     if lane.saved is None:
         return jnp.asarray(False)
-    return _next_save(lane, request) <= lane.step.t
+    return _next_save(lane, request) <= lane.run.step.t
 
 
 def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
@@ -343,21 +248,10 @@ def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) 
     and the buffer has room."""
     if lane.saved is None:
         return lane
-    assert lane.dense_step is not None
     due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
-    row = lane.dense_step.at(plan.method, _next_save(lane, request))
+    row = lane.run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
     row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
     return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
-
-
-def _empty_dense_step(plan: Plan, system: System, step: Step, request: SegmentRequest) -> DenseStep:
-    """Return a dense step of length zero at the start, with arrays of the shapes of later steps."""
-    # The stages' shapes depend on the solver; `eval_shape` finds them without computing a step.
-    shapes: Attempt = jax.eval_shape(lambda: attempt(plan.method, system, step, request.end_time))
-    row = Snapshot(step.t, step.y, step.entry_speeds)
-    stages = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes.information["stages"])
-    time_map = None if shapes.time_map is None else FromOnset(step.proposal.begins_contact)
-    return DenseStep(row, row, stages, time_map)
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:

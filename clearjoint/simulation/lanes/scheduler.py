@@ -542,5 +542,5 @@ def _lane_status(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -
     return {
         "goes": moves(common.plan, lane, request),
         "runs": lane.runs(common.plan, request.end_time),
-        "time": lane.step.t,
+        "time": lane.run.step.t,
     }

@@ -23,9 +23,11 @@ from ..step.step_state import Step
 from .impact_recorder import impact_rows_of
 from .interruptions import interruptions_deferred
 from .progress_bars import ProgressBar, telling_of_compiling
+from .recorders import TimedState
 from .run_ends import final_result, final_state, named
+from .run_loop import Progress, Recorders
 from .sections import Section, crossings_of, with_units
-from .segments import Progress, SavedStates, TimedState, emptied, segment
+from .segments import IMPACTS, REDUCTIONS, SECTIONS, STEPS, SavedStates, emptied, segment
 
 T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
@@ -39,12 +41,14 @@ class Run:
 
     - `folded_scene`: the scene, with its folded constants.
     - `scheme`: integration method and formulation of the equations of motion.
+    - `recorders`: recorders of the run.
     - `end`: end time, s.
     - `redundant`: names of the redundant constraints.
     """
 
     folded_scene: ConstantFolded
     scheme: Scheme
+    recorders: Recorders
     end: Scalar
     redundant: tuple[str, ...]
 
@@ -63,7 +67,7 @@ class Run:
         # The end is a further time to save at, so that the run goes on behind the last save.
         times = None if save_at is None else jnp.append(save_at, self.end)
         limit = jnp.asarray(max_steps)
-        arguments = self.scheme, self.folded_scene, now, times, self.end, limit
+        arguments = self.scheme, self.folded_scene, self.recorders, now, times, self.end, limit
         now, saved = loops.closed(segment(*arguments, loops))
         final, result, _ = _end_of(self.scheme, self.folded_scene, now.step, self.end)
         trajectory = count = None
@@ -118,14 +122,21 @@ class Run:
             while True:
                 # Segments are short enough for the bar and for Ctrl-C, which waits for their end.
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
-                arguments = self.scheme, self.folded_scene, now, saves.chunk(), self.end
-                now, saved = segment_compiled(*arguments, np.asarray(limit))
+                now, saved = segment_compiled(
+                    self.scheme,
+                    self.folded_scene,
+                    self.recorders,
+                    now,
+                    saves.chunk(),
+                    self.end,
+                    np.asarray(limit),
+                )
                 saves.take(saved)
                 # Empty the buffers at each stop, so that their size does not limit the run.
-                if now.record is not None:
-                    steps.append(now.record.filled())
-                if now.impacts is not None:
-                    impacts += impact_rows_of(now.impacts)
+                if STEPS in now.records:
+                    steps.append(now.records[STEPS].filled())
+                if IMPACTS in now.records:
+                    impacts += impact_rows_of(now.records[IMPACTS])
                 now = emptied(now)
                 bar.update(float(now.step.t) - start - bar.n)
                 failed = result_number(now.step.result) != SUCCESSFUL
@@ -147,11 +158,11 @@ class Run:
             accepted,
             saves.trajectory(),
             saves.count,
-            None if now.record is None else _trajectory(steps),
-            None if now.impacts is None else Impacts.of_rows(impacts),
+            _trajectory(steps) if STEPS in now.records else None,
+            Impacts.of_rows(impacts) if IMPACTS in now.records else None,
             self.scheme.formulation,
             self.redundant,
-            sections=with_units(crossings_of(now.sections), sections),
+            sections=with_units(crossings_of(now.records[SECTIONS]), sections),
             outputs=self._outputs(now),
             settings=notes,
         )
@@ -159,9 +170,10 @@ class Run:
 
     def _outputs(self, now: Progress) -> dict[str, float]:
         """Return the results of the reductions: numbers by "name", or "name_part" if several."""
-        if not now.reductions:
+        if not now.records[REDUCTIONS]:
             return {}
-        results = jax.device_get(_results_compiled(self.scheme, self.folded_scene, now))
+        arguments = self.scheme, self.folded_scene, self.recorders, now
+        results = jax.device_get(_results_compiled(*arguments))
         return {
             f"{name}_{part}" if part else name: float(value)
             for name, parts in results.items()
@@ -185,14 +197,14 @@ _end_compiled = Native(_end_of)
 
 
 def _results_of(
-    scheme: Scheme, folded_scene: ConstantFolded, now: Progress
+    scheme: Scheme, folded_scene: ConstantFolded, recorders: Recorders, now: Progress
 ) -> dict[str, dict[str, Scalar]]:
     """Return the results of the reductions at the end of a run, results[name][part]."""
     system, step = scheme.unpacked(folded_scene), now.step
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return {
-        name: record.reduction.results(record.tally, instant)
-        for name, record in now.reductions.items()
+        name: recorder.reduction.results(now.records[REDUCTIONS][name], instant)
+        for name, recorder in recorders[REDUCTIONS].items()
     }
 
 

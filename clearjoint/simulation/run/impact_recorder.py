@@ -20,6 +20,7 @@ from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..reductions.windows import Window
 from ..results.impact_table import IMPACT_UNITS
+from ..results.state_tables import contact_label
 from ..step.contact_step import (
     ContactInstant,
     begin_before,
@@ -27,12 +28,14 @@ from ..step.contact_step import (
     end_in_step,
     peak_in_step,
 )
-from ..step.dense_output import Snapshot
 from ..step.step_state import Method, Step, choose
 from ..step.unrolled_runge_kutta import UnrolledExplicit
-from .advance import StepOutcome
 from .row_buffer import RowBuffer
+from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
+ROWS = 64
+"""Default number of rows of a buffer. When a buffer is full, compiled code returns to Python, which
+empties all buffers."""
 INSTANTS = ("onset", "separation", "peak_time")
 """Fields of an `ImpactRow` that are times on the run's clock."""
 
@@ -126,47 +129,41 @@ class ContactRecord(eqx.Module):
 
 ImpactRecord = dict[str, dict[str, ContactRecord]]
 """A `ContactRecord` for each contact: record[joint][contact]."""
-Wanted = dict[str, dict[str, Scalar]]
-"""Largest number of rows in the buffer of each contact: wanted[joint][contact]."""
 
 
-class ImpactRecorder(eqx.Module):
+class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     """Recorder of the finished contacts of one joint, or of all joints.
 
     - `joint`: name of the joint, or ``None`` for all joints.
     - `window`: span of time; only contacts with an onset in the window are recorded. ``None``
       records all.
+    - `capacity`: number of rows of each contact's buffer.
+    - `wanted`: largest number of rows in the buffer of each contact, by its label such as "pin V";
+      further impacts are not recorded. By default all impacts are.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
     window: Window | None = None
+    capacity: int = eqx.field(default=ROWS, static=True)
+    wanted: Mapping[str, Scalar] | None = None
 
-    def start(
-        self, method: Method, system: System, step: Step, rows: RowBuffer[ImpactRow]
-    ) -> ImpactRecord:
-        """Return the record before the first step.
-
-        **Arguments:** `step`: state of the run; `rows`: an empty buffer, which each contact gets.
-        """
-        now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    def start(self, start: RunStart) -> ImpactRecord:
+        """Return empty buffers, and the contacts at the start."""
+        rows = RowBuffer.like(ImpactRow.none(), self.capacity)
         no, none = jnp.asarray(False), ImpactRow.none()
+        loop = start.loop
+        instants = self._instants(loop.method, loop.system, start.now, start.step)
         return {
             name: {
                 label: ContactRecord(OpenContact(instant, no, none), rows)
                 for label, instant in family.items()
             }
-            for name, family in self._instants(method, system, now, step).items()
+            for name, family in instants.items()
         }
 
-    def after(
-        self, record: ImpactRecord, step_outcome: StepOutcome, wanted: Wanted | None = None
-    ) -> ImpactRecord:
-        """Return the record after a step was tried; it is unchanged unless the step was accepted.
-
-        **Arguments:** `wanted`: largest number of rows in each contact's buffer; further impacts
-        are not recorded. By default all impacts are.
-        """
-        laws = step_outcome.now.scene.laws()
+    def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
+        """Return the record after a step was tried, unchanged unless the step was accepted."""
+        laws, wanted = step_outcome.now.scene.laws(), self.wanted
         ends = self._instants(
             step_outcome.method, step_outcome.system, step_outcome.now, step_outcome.after
         )
@@ -177,7 +174,7 @@ class ImpactRecorder(eqx.Module):
                     one,
                     step_outcome,
                     ends[name][label],
-                    None if wanted is None else wanted[name][label],
+                    None if wanted is None else wanted[contact_label(name, label)],
                     self.window,
                 )
                 for label, one in family.items()

@@ -1,7 +1,7 @@
 """Run with tangents that evaluates quantities and their derivatives at given times.
 
-This is the compiled part of `sensitivities`, of `identify` and of `fit_horizon`. Each attempt is an
-`advance`, as in runs without derivatives.
+This is the compiled part of `sensitivities`, `identify` and `fit_horizon`. The steps are those
+of a `RunLoop`, as in runs without derivatives.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,26 +24,18 @@ from ...quantities.instant import Instant
 from ...result_codes import RESULTS
 from ..step.dense_output import correct, look_inside
 from ..step.method import Scheme
-from ..step.step_state import Attempt, Method, Step, Variables
-from ..step.stepping import attempt, blank_attempt, running
+from ..step.step_state import Attempt, Method, Variables
+from ..step.stepping import attempt
 from ..step.systems import SystemFamily
 from ..step.types import Gradients, Numbers
 from ..step.variational import look_at_tangents, start_with_tangents
-from .advance import Recorder, advance, latest_attempt
-from .impact_recorder import ImpactRecord, ImpactRecorder, ImpactRow, most
-from .row_buffer import RowBuffer
+from .impact_recorder import ImpactRecord, ImpactRecorder, most
+from .recorders import LatestAttempt
 from .run_ends import final_result, named, state_of
-from .sections import SectionRecord, SectionRecorder, after_sections
+from .run_loop import Progress, Recorders, RunLoop
+from .sections import SectionRecord, SectionRecorder
+from .segments import IMPACTS, LATEST, SECTIONS
 
-LATEST, IMPACTS, SECTIONS = "latest", "impacts", "sections"
-"""Names of the records: the latest accepted attempt, impacts, and crossings of sections."""
-RECORDERS: dict[str, Recorder] = {
-    LATEST: latest_attempt,
-    IMPACTS: ImpactRecorder().after,
-    SECTIONS: after_sections,
-}
-Run = tuple[Step, dict[str, PyTree]]
-"""State of a run between two attempts: its latest step, and its records by name."""
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a program is rounded up to 64, 512, 4096 ..., so that few programs are
 compiled. The additional times repeat the end time. Repeated times are evaluated only once, so that
@@ -127,30 +119,22 @@ def followed(
     # times that are finer than the rounding of large times.
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
-    records = _first_records(method, system, first, kept)
+    recorders: dict[str, Recorders] = {LATEST: LatestAttempt(), SECTIONS: kept.sections}
+    if kept.impacts is not None:
+        recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
     tried = traced_once(attempt)
-    records[LATEST] = blank_attempt(method, system, first, own_end, systems, tried)
+    loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
 
-    def go(now: Run) -> Run:
-        step, records = now
-        recorders = {name: RECORDERS[name] for name in records}
-        return advance(
-            method, system, step, own_end, records, recorders, family=systems, attempt=tried
-        )
-
-    def sample(now: Run, row: tuple[Scalar, Condition]) -> tuple[Run, PyTree]:
+    def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         time, is_new = row
         # Steps go past the time, since evaluation must not change them.
-        step, records = now = jax.lax.while_loop(
-            lambda now: (now[0].t < time) & running(now[0], own_end, max_steps), go, now
-        )
-        sampled = _sample(method, systems, outputs, records[LATEST], time, is_new, kept)
-        return now, (*sampled, time <= step.t)
+        now = loop.until(time, now, max_steps)
+        sampled = _sample(method, systems, outputs, now.records[LATEST], time, is_new, kept)
+        return now, (*sampled, time <= now.step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
-    (step, records), (*sampled, states, reached) = _scanned(
-        sample, (first, records), (own_times, is_new)
-    )
+    now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
+    step, records = now.step, now.records
     # Repeated times take the numbers of the first time among them, the only one evaluated.
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
@@ -169,8 +153,8 @@ def followed(
 
 
 def _scanned(
-    sample: Callable[[Run, PyTree], tuple[Run, PyTree]], run: Run, rows: PyTree
-) -> tuple[Run, PyTree]:
+    sample: Callable[[Progress, PyTree], tuple[Progress, PyTree]], run: Progress, rows: PyTree
+) -> tuple[Progress, PyTree]:
     """Apply `jax.lax.scan` to `sample` over rows, in blocks of `FEW_TIMES` rows.
 
     The result is that of a single `jax.lax.scan`.
@@ -183,17 +167,6 @@ def _scanned(
     blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, FEW_TIMES), rows)
     run, rows = jax.lax.scan(lambda run, block: jax.lax.scan(sample, run, block), run, blocks)
     return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
-
-
-def _first_records(method: Method, system: System, first: Step, kept: Kept) -> dict[str, PyTree]:
-    """Return the records of impacts and sections before the first step, by name."""
-    records: dict[str, PyTree] = {
-        SECTIONS: {name: of.start(system, first) for name, of in kept.sections.items()}
-    }
-    if kept.impacts is not None:
-        empty = RowBuffer.like(ImpactRow.none(), kept.impacts)
-        records[IMPACTS] = ImpactRecorder().start(method, system, first, empty)
-    return records
 
 
 def _sample(

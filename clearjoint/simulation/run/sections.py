@@ -1,8 +1,8 @@
 """Poincaré sections: values of quantities at instants at which another quantity rises through zero.
 
 Single runs and runs with derivatives compute the channels, the values of quantities, at each
-crossing (`SectionRecorder`). Lanes of sweeps record the state at each crossing, from which the
-channels are computed later (`clearjoint.simulation.lanes`).
+crossing. Lanes of sweeps record the state at each crossing, from which the channels are computed
+later: side by side, every lane would compute them in every step.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...dynamics.system import System
 from ...export.labelled import Labelled, labelled_dataset
 from ...export.tabular import AbstractTabular
 from ...fields.checks import require_count
@@ -27,10 +26,10 @@ from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
 from ..results.channels import Channels, check_channels, check_quantities
 from ..step.dense_output import DenseStep, Snapshot, on_constraints
-from ..step.step_state import Method, Step
+from ..step.step_state import Method
 from ..step.types import Numbers
-from .advance import StepOutcome
 from .row_buffer import RowBuffer
+from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -86,66 +85,69 @@ def crossing_row(
     return dense_step.at(method, start + x * (end - start))
 
 
-class SectionRecorder(eqx.Module):
-    """Recorder that tabulates the first `count` crossings of a section.
-
-    `channels`: pairs of a name and a quantity, which is evaluated at each crossing.
-    """
-
-    crossing: Crossing
-    channels: tuple[tuple[str, Quantity], ...] = eqx.field(static=True)
-    count: int = eqx.field(static=True)
-
-    def start(self, system: System, step: Step) -> "SectionRecord":
-        """Return the record before the first step: the level at the start, and an empty table."""
-        now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-        table = RowBuffer.like(self.nothing(), self.count)
-        return SectionRecord(self, self.crossing.level(now), table)
-
-    def nothing(self) -> dict[str, Scalar]:
-        """Return a row of zeros: the time and each channel, by name."""
-        return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels))}
-
-
 class SectionRecord(eqx.Module):
     """The crossings of a section in a run so far.
 
-    - `level`: the section's quantity after the latest accepted step, in its unit.
-    - `table`: time and values of the channels at each crossing.
+    - `level`: the section's quantity after the latest accepted step, in its unit; a crossing is
+      where it rises through zero.
+    - `rows`: one row for each crossing. See `SectionRecorder`.
     """
 
-    recorder: SectionRecorder
     level: Scalar
-    table: RowBuffer[dict[str, Scalar]]
+    rows: RowBuffer
 
-    def after(self, step_outcome: StepOutcome) -> "SectionRecord":
+
+class SectionRecorder(AbstractRecorder[SectionRecord]):
+    """Recorder of the crossings of a section.
+
+    - `channels`: pairs of a name and a quantity. A row has the time and the values of all
+      quantities by name. If `channels` is ``None``, a row is a `Snapshot` of the state instead.
+    - `capacity`: number of rows of the buffer.
+    - `wanted`: largest number of rows in the buffer, by default `capacity`.
+    """
+
+    crossing: Crossing
+    channels: tuple[tuple[str, Quantity], ...] | None = eqx.field(static=True)
+    capacity: int = eqx.field(static=True)
+    wanted: Scalar | None = None
+
+    def start(self, start: RunStart) -> SectionRecord:
+        """Return the level at the start, and an empty buffer."""
+        step = start.step
+        row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
+        return SectionRecord(self.crossing.level(start.now), RowBuffer.like(row, self.capacity))
+
+    def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         """Return the record after a step was tried.
 
-        Its table includes the step's crossing if the step was accepted, the time of the crossing is
-        not below `Crossing.after`, and the table has room.
+        A crossing in the step gets a row if the step was accepted, the time of the crossing is not
+        below `Crossing.after`, and more rows are wanted.
         """
-        recorder, kept = self.recorder, step_outcome.kept
-        crossing, before = recorder.crossing, self.level
+        crossing, kept, before = self.crossing, step_outcome.kept, record.level
         after = crossing.level(step_outcome.now)
-
-        def columns() -> dict[str, Scalar]:
-            row = crossing.row(step_outcome, before, after)
-            values = row.columns(step_outcome.system, dict(recorder.channels))
-            return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
-
         rises = kept & (before < 0.0) & (after >= 0.0)
-        # Most steps have no crossing: the root is searched for only in those that have.
-        found = jax.lax.cond(rises, columns, lambda: recorder.nothing())
-        wanted = rises & (found[TIME] >= crossing.after) & (self.table.count < recorder.count)
-        level = jnp.where(kept, after, before)
-        return SectionRecord(recorder, level, self.table.with_row(found, wanted))
+        if self.channels is None:
+            row = crossing.row(step_outcome, before, after)
+            time = row.t
+        else:
+            # Most steps have no crossing: the root is searched for only in those that have.
+            row = jax.lax.cond(
+                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
+            )
+            time = row[TIME]
+        wanted = self.capacity if self.wanted is None else self.wanted
+        wanted = rises & (time >= crossing.after) & (wanted > record.rows.count)
+        return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
 
+    def _columns(
+        self, step_outcome: StepOutcome, before: Scalar, after: Scalar
+    ) -> dict[str, Scalar]:
+        row = self.crossing.row(step_outcome, before, after)
+        values = row.columns(step_outcome.system, dict(self.channels or ()))
+        return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
-def after_sections(
-    records: Mapping[str, SectionRecord], step_outcome: StepOutcome
-) -> dict[str, SectionRecord]:
-    """Return the updated records of several sections, by name, after a step was tried."""
-    return {name: record.after(step_outcome) for name, record in records.items()}
+    def _none(self) -> dict[str, Scalar]:
+        return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
 
 
 class Crossings(AbstractReadable, AbstractTabular):
@@ -192,7 +194,7 @@ def with_units(
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
     """Return the crossings that the records contain, by name of the section, as NumPy arrays."""
-    tables = jax.device_get({name: record.table for name, record in records.items()})
+    tables = jax.device_get({name: record.rows for name, record in records.items()})
     return {name: _crossings(table) for name, table in tables.items()}
 
 

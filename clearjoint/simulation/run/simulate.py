@@ -26,12 +26,13 @@ from ..step.settings import Settings, settings_or
 from ..step.spans import check_span
 from ..step.types import Numbers
 from .host_run import Run
+from .impact_recorder import ROWS
 from .interruptions import RunInterrupted
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import Saving, saving_or_nothing
-from .segments import begin
+from .segments import begin, recorders_of
 
-STEP_ROWS, IMPACT_ROWS = 4096, 64
+STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
 is full, compiled code returns to Python, which empties all buffers."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
@@ -126,11 +127,16 @@ def simulate(
     start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
-    # A buffer's size is part of the compiled program; `None` leaves out the buffer.
-    rows = STEP_ROWS if save.steps else None, IMPACT_ROWS if save.impacts else None
-    saves, kept = times is not None, (save.section_recorders(), dict(save.outputs))
-    now = begin_compiled(scheme, folded_scene, state, start, end, length, saves, *rows, *kept)
-    run = Run(folded_scene, scheme, end, redundant)
+    recorders = recorders_of(
+        saves=times is not None,
+        # A buffer's size is part of the compiled program; `None` leaves out the buffer.
+        step_rows=STEP_ROWS if save.steps else None,
+        impact_rows=IMPACT_ROWS if save.impacts else None,
+        sections=save.section_recorders(),
+        reductions=save.outputs,
+    )
+    now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
+    run = Run(folded_scene, scheme, recorders, end, redundant)
     if traced:
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.

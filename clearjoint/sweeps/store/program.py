@@ -26,6 +26,7 @@ from ...simulation.lanes.lane import (
     step_lane,
 )
 from ...simulation.results.impact_table import IMPACT_UNITS
+from ...simulation.run.segments import IMPACTS
 from ...simulation.step.dense_output import Snapshot
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
@@ -64,7 +65,8 @@ def programs(
     step = fingerprints(traced.step, numbers, lane, 1.0)
     # Outputs depend on a lane only through this snapshot, so that their digests don't change if
     # another part of the step does.
-    row = Snapshot(lane.step.t, lane.step.y, lane.step.entry_speeds)
+    now = lane.run.step
+    row = Snapshot(now.t, now.y, now.entry_speeds)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
     # Records of impacts change the lane, so that they are traced in a lane of their own: a table
@@ -119,13 +121,13 @@ class _Traced:
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables."""
-        if not lane.impacts:
+        if not lane.run.records[IMPACTS]:
             return {}
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self._with_impacts, self._scene(numbers), lane, request)
         return {
             variable_name(name, key): record
-            for name, record in after.impacts.items()
+            for name, record in after.run.records[IMPACTS].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
