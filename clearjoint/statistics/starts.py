@@ -11,6 +11,7 @@ from ..fields.checks import require
 from ..information.error_growth import radii_of_gyration
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..parametrisation.variations import SceneNumber
 from ..sweeps.axes import Axis
 
 PARTS = ("velocity", "spin")
@@ -41,8 +42,6 @@ def disturbed_velocities(
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
-    bodies = [state.bodies[name] for name in scene.bodies]
-    nominal = np.concatenate([[*body.velocity, *body.spin] for body in bodies]).astype(float)
     radii = radii_of_gyration(scene)
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in scene.bodies])
     # In speeds at the radius of gyration, spins and velocities of all bodies are comparable. The
@@ -57,25 +56,49 @@ def disturbed_velocities(
     require(
         len(free) > 0, "scene", "no free velocity", "one that can move", "remove a joint or driver"
     )
-    added = size * np.sqrt(len(bodies) / len(free)) * (along @ free.T) @ free
+    added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
     added[np.abs(added) < NEGLIGIBLE * size] = 0.0
-    return nominal + added / lengths
+    return velocities_of(scene, state) + added / lengths
 
 
-def start_axes(
-    scene: Scene, velocities: Float[np.ndarray, "lanes v"], nominal: Float[np.ndarray, "lanes v"]
+def disturbed_axes(
+    scene: Scene,
+    state: State,
+    axes: Mapping[str, Axis],
+    size: float,
+    along: Float[np.ndarray, "lanes v"],
+    start_time: float,
+    members: int = 1,
 ) -> dict[str, Axis]:
-    """Return the velocities and spins of all lanes as axes of the initial state.
+    """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
-    Components that equal those of `nominal` in all lanes have no axis.
+    **Arguments:**
+
+    - `axes`: further axes of the sweep, of as many values as lanes, which may change the state.
+    - `size`: m/s, and `along`: random directions, as in `disturbed_velocities`.
+    - `members`: each row of this many lanes has the same values of `axes`.
+
+    **Returns:** the given axes, and an axis for each component of a velocity or spin that differs
+    from that of the undisturbed state.
     """
-    axes: dict[str, Axis] = {}
+    # Numbers of the scene don't change the initial state: one Jacobian serves all lanes, since the
+    # disturbance need not satisfy the constraints better than to the order of its square.
+    shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
+    block = len(along) if shared else members
+    velocities, nominal = np.empty_like(along), np.empty_like(along)
+    for first in range(0, len(along), block):
+        rows = slice(first, first + block)
+        values = {} if shared else {name: axis.values[first] for name, axis in axes.items()}
+        at = with_values(scene, state, axes, values)
+        velocities[rows] = disturbed_velocities(*at, size, along[rows], start_time)
+        nominal[rows] = velocities_of(*at)
+    disturbed = dict(axes)
     names = [(b, part, k) for b in scene.bodies for part in PARTS for k in range(3)]
     for column, (body, part, k) in enumerate(names):
         if (velocities[:, column] != nominal[:, column]).any():
             path = partial(_component, body=body, part=part, k=k)
-            axes[f"{body} {part} {'xyz'[k]}"] = Axis.initial(path, velocities[:, column])
-    return axes
+            disturbed[f"{body} {part} {'xyz'[k]}"] = Axis.initial(path, velocities[:, column])
+    return disturbed
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
@@ -88,10 +111,11 @@ def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
     return np.concatenate([[*body.velocity, *body.spin] for body in bodies]).astype(float)
 
 
-def with_axes(
+def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with one value of each axis."""
-    for name, axis in axes.items():
-        scene, state = axis.setter(scene, state)(scene, state, np.asarray(values[name]))
+    """Return scene and initial state with the given `values` of axes, by name."""
+    for name, value in values.items():
+        change = axes[name].setter(scene, state)
+        scene, state = change(scene, state, np.asarray(value))
     return scene, state
