@@ -1,5 +1,6 @@
 """Ensembles: runs from starts that differ by less than a measurement can resolve."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -204,13 +205,16 @@ def _statistics(
         runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
         deviation = runs.std(MEMBER, ddof=1)
         ends = (np.clip(levels + sign * aside, 0.0, 1.0) for sign in (1.0, -1.0))
-        above, below = (runs.quantile(end, MEMBER).values for end in ends)
+        with warnings.catch_warnings():
+            # The quantiles of a point whose runs all failed are NaN.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            above, below = (runs.quantile(end, MEMBER).values for end in ends)
+            quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
         found[name] = runs.assign_attrs(unit)
         found[f"{name}_mean"] = runs.mean(MEMBER).assign_attrs(unit)
         found[f"{name}_deviation"] = deviation.assign_attrs(unit)
         error = deviation / np.sqrt(runs.count(MEMBER))
         found[f"{name}_standard_error"] = error.assign_attrs(unit)
-        quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
         found[f"{name}_quantile"] = quantile.assign_attrs(unit)
         errors = np.moveaxis(0.5 * (above - below), 0, -1)
         found[f"{name}_quantile_standard_error"] = (*labels, QUANTILE), errors, unit

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ORDERS = ("first_order", "total_order")
+RESAMPLES = 999
+"""Number of bootstrap samples from which the intervals are computed."""
 
 
 def sobol_indices(
@@ -46,9 +48,9 @@ def sobol_indices(
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
 
     The first-order index of a parameter is the share of the variance that it causes alone, the
-    total index that which it causes alone and together with others. The estimator and the bootstrap
-    intervals are those of `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics
-    Communications 181, 2010).
+    total index that which it causes alone and together with others. The estimator is that of
+    `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010), the
+    intervals are percentiles of a bootstrap over groups of runs.
 
     **Arguments:**
 
@@ -140,15 +142,25 @@ def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.n
     used = 1 << (len(whole).bit_length() - 1)
     if used < len(groups):
         warnings.warn(f"{used} of {len(groups)} groups of runs are used.", stacklevel=4)
-    a, b, ab = whole[:used, :1].T, whole[:used, 1:2].T, whole[:used, 2:].T[:, None]
-    found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=used)
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # A constant output has no variance; its indices are zero and their bounds NaN.
-        warnings.simplefilter("ignore")
-        intervals = found.bootstrap(confidence_level=confidence)
-    numbers = {}
-    for order in ORDERS:
-        interval = getattr(intervals, order).confidence_interval
-        numbers[order] = getattr(found, order)
-        numbers[f"{order}_low"], numbers[f"{order}_high"] = interval.low, interval.high
-    return numbers
+
+    def both_orders(rows: np.ndarray) -> np.ndarray:
+        a, b, ab = whole[rows, :1].T, whole[rows, 1:2].T, whole[rows, 2:].T[:, None]
+        found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=used)
+        return np.stack([found.first_order, found.total_order])
+
+    # The bootstrap of SciPy's result takes no seed.
+    interval = stats.bootstrap(
+        (np.arange(used),),
+        both_orders,
+        n_resamples=RESAMPLES,
+        confidence_level=confidence,
+        method="percentile",
+        vectorized=False,
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    parts = {"": both_orders(np.arange(used)), "_low": interval.low, "_high": interval.high}
+    return {
+        f"{order}{suffix}": numbers[k]
+        for k, order in enumerate(ORDERS)
+        for suffix, numbers in parts.items()
+    }
