@@ -1,5 +1,7 @@
 """Largest Lyapunov exponent of a motion: the growth rate of its tangents."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -7,9 +9,13 @@ from ..information import error_growth as growth
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.run.sensitivities import sensitivities
+from ..simulation.step import presets
 from ..sweeps.axes import Axis
 from .starts import disturbed_axes, with_values
 
+SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
+"""Settings of the runs. The tangent does not control the step, since a rate needs few digits:
+otherwise steps become ever shorter as the tangent grows, and runs reach their step limit."""
 TIMES = 256
 """Number of times at which the size of a disturbance is computed."""
 
@@ -45,6 +51,7 @@ def exponents_from(
             {growth.DISTURBANCE: growth.disturbance(scene)},
             points,
             times,
+            SETTINGS,
             start_time=start_time,
             throw=False,
             progress=progress,
