@@ -117,5 +117,5 @@ def with_values(
     """Return scene and initial state with the given `values` of axes, by name."""
     for name, value in values.items():
         change = axes[name].setter(scene, state)
-        scene, state = change(scene, state, np.asarray(value))
+        scene, state = change(scene, state, value)
     return scene, state

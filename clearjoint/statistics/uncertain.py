@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -103,7 +104,7 @@ class Uncertain:
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
         """Return the axis of a sweep whose n values have the given standardised coordinates."""
         centre, size = self.centre_and_size(scene, state)
-        values = self.parameter.scale.value(centre + size * standardised)
+        values = self.parameter.scale.value(jnp.asarray(centre + size * standardised))
         return Axis(self.parameter.variation, np.asarray(values))
 
 

@@ -4,6 +4,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 
 import clearjoint as cj
@@ -70,7 +71,7 @@ def ensemble(output: Output) -> list[str]:
     ]
 
 
-def manufactured(clearance: float, members: int, seed: int):
+def manufactured(clearance: float, members: int, seed: int) -> xr.Dataset:
     """Return the derivatives by a nominal clearance, m, from a number of runs."""
     scene, state = cj.mechanisms.slider_crank(clearance)
     uncertain = {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)}
@@ -94,7 +95,7 @@ def derivatives(output: Output) -> list[str]:
     for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
         truth = float(above[f"{name}_mean"] - below[f"{name}_mean"]) / (2.0 * step)
         errors = [float(one[f"{name}_standard_error"]) for one in (below, above)]
-        error = float(np.hypot(*errors)) / (2.0 * step)
+        error = float(np.hypot(errors[0], errors[1])) / (2.0 * step)
         values = np.array([float(one[f"{name}_derivative"][0]) for one in found])
         own = np.array([float(one[f"{name}_derivative_standard_error"][0]) for one in found])
         held = np.abs(values - truth) <= 1.96 * own
