@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -104,8 +103,10 @@ class Uncertain:
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
         """Return the axis of a sweep whose n values have the given standardised coordinates."""
         centre, size = self.centre_and_size(scene, state)
-        values = self.parameter.scale.value(jnp.asarray(centre + size * standardised))
-        return Axis(self.parameter.variation, np.asarray(values))
+        scale = self.parameter.scale
+        # One at a time: a user-defined scale need not accept arrays.
+        values = [float(scale.value(u)) for u in (centre + size * standardised).tolist()]
+        return Axis(self.parameter.variation, np.array(values))
 
 
 def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
