@@ -228,7 +228,14 @@ def sensitivity(output: Output) -> list[str]:
             value = found[f"{name}_{order}"].values
             ends = [found[f"{name}_{order}_{end}"].values for end in ("low", "high")]
             bars = np.abs(np.array(ends) - value)
-            axes.bar(np.arange(5) + 0.4 * shift, value, 0.38, yerr=bars, color=color, label=order)
+            axes.bar(
+                np.arange(5) + 0.4 * shift,
+                value,
+                0.38,
+                yerr=bars,
+                color=color,
+                label=order.replace("_", " "),
+            )
             numbers = (
                 f"{key} {v:.2f} ({low:.2f} to {high:.2f})"
                 for key, v, low, high in zip(uncertain, value, *ends, strict=True)
