@@ -140,19 +140,9 @@ def statistics_derivatives(
     for name, values in scalar_outputs(results).items():
         unit = results[name].attrs.get("units", "1")
         found = estimate(draws, values, members, normal)
-        derivatives, errors = found.derivatives / sizes, found.errors / sizes
+        scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
         sample = values[:members][np.isfinite(values[:members])]
-        error = sample.std(ddof=1) / np.sqrt(len(sample))
-        variables |= {
-            f"{name}_mean": Labelled((), sample.mean(), unit),
-            f"{name}_standard_error": Labelled((), error, unit),
-            f"{name}_derivative": Labelled(("parameter",), derivatives, unit),
-            f"{name}_derivative_standard_error": Labelled(("parameter",), errors, unit),
-            f"{name}_derivative_low": Labelled(("parameter",), derivatives - factor * errors, unit),
-            f"{name}_derivative_high": Labelled(
-                ("parameter",), derivatives + factor * errors, unit
-            ),
-        }
+        variables |= _labelled(name, unit, sample, scaled, factor)
     failed = int((results["result"].values != 0).sum())
     variables["failed"] = Labelled((), failed, description="number of failed runs")
     labels = {
@@ -165,6 +155,28 @@ def statistics_derivatives(
     notes = {"runs": len(draws), "seed": seed, "confidence": confidence}
     notes["disturbance"] = f"{disturbance:g} m/s"
     return labelled_dataset("derivatives of statistics", variables, labels, tuple(notes.items()))
+
+
+def _labelled(
+    name: str, unit: str, sample: np.ndarray, found: Estimates, factor: float
+) -> dict[str, Labelled]:
+    """Return mean and derivatives of an output, with their errors and intervals, by name.
+
+    `sample`: values of the output; `factor`: half the width of an interval, in standard errors.
+    """
+    derivatives, errors = found
+    along = {
+        "derivative": derivatives,
+        "derivative_standard_error": errors,
+        "derivative_low": derivatives - factor * errors,
+        "derivative_high": derivatives + factor * errors,
+    }
+    error = sample.std(ddof=1) / np.sqrt(len(sample))
+    return {
+        f"{name}_mean": Labelled((), sample.mean(), unit),
+        f"{name}_standard_error": Labelled((), error, unit),
+        **{f"{name}_{key}": Labelled(("parameter",), row, unit) for key, row in along.items()},
+    }
 
 
 def _check_members(members: int, parameters: int) -> None:
