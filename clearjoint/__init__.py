@@ -51,10 +51,10 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
    arrays into scalars (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
 3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
-4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap from `BearingWall`
-   in `bearing_surfaces.py`, which subtracts the clearance from the eccentricity.
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap: the
+   eccentricity less the clearance is its penetration.
 5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
-   depends on the clearance too (`RavnStiffness` in `model/contact/stiffness.py`).
+   depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
 
 **Examples** in docstrings assume these lines, after `cj.configure()`:
 
@@ -67,6 +67,8 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
 >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
 >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
 >>> stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+>>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+>>> motions = {"ground": still, "arm": still}
 >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
 """
 
@@ -123,27 +125,29 @@ from .model.clearance_joints.axial import FixedAxially as FixedAxially
 from .model.clearance_joints.axial import FreeAxially as FreeAxially
 from .model.clearance_joints.backlash import Backlash as Backlash
 from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
-from .model.clearance_joints.carried_journal import carried_journal as carried_journal
+from .model.clearance_joints.between_walls import PinInSlot as PinInSlot
+from .model.clearance_joints.between_walls import SliderInGuide as SliderInGuide
 from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
 from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
 from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
+from .model.clearance_joints.lubricated import carried_journal as carried_journal
 from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
-from .model.clearance_joints.pin_in_slot import PinInSlot as PinInSlot
-from .model.clearance_joints.slider_in_guide import SliderInGuide as SliderInGuide
+from .model.drives.drivers import DriveTorque as DriveTorque
+from .model.drives.drivers import Motor as Motor
+from .model.drives.drivers import PrescribedAngle as PrescribedAngle
+from .model.drives.drivers import PrescribedRotation as PrescribedRotation
+from .model.drives.drivers import PrescribedTranslation as PrescribedTranslation
+from .model.drives.functions_of_time import PiecewiseConstant as PiecewiseConstant
+from .model.drives.functions_of_time import PiecewiseLinear as PiecewiseLinear
 from .model.drives.functions_of_time import Polynomial as Polynomial
 from .model.drives.functions_of_time import Spline as Spline
-from .model.drives.motor import Motor as Motor
-from .model.drives.piecewise import PiecewiseConstant as PiecewiseConstant
-from .model.drives.piecewise import PiecewiseLinear as PiecewiseLinear
-from .model.drives.prescribed import PrescribedAngle as PrescribedAngle
-from .model.drives.prescribed import PrescribedTranslation as PrescribedTranslation
-from .model.drives.rotation import DriveTorque as DriveTorque
-from .model.drives.rotation import PrescribedRotation as PrescribedRotation
-from .model.forces.bushing import Bushing as Bushing
-from .model.forces.springs_and_loads import AppliedLoad as AppliedLoad
-from .model.forces.springs_and_loads import SpringDamper as SpringDamper
-from .model.forces.springs_and_loads import TorsionalSpring as TorsionalSpring
-from .model.joints.gear_joint import GearJoint as GearJoint
+from .model.forces import AppliedLoad as AppliedLoad
+from .model.forces import Bushing as Bushing
+from .model.forces import SpringDamper as SpringDamper
+from .model.forces import TorsionalSpring as TorsionalSpring
+from .model.joints.couplings import GearJoint as GearJoint
+from .model.joints.couplings import ScrewJoint as ScrewJoint
+from .model.joints.couplings import UniversalJoint as UniversalJoint
 from .model.joints.ideal import CylindricalJoint as CylindricalJoint
 from .model.joints.ideal import DistanceJoint as DistanceJoint
 from .model.joints.ideal import FixedJoint as FixedJoint
@@ -151,11 +155,9 @@ from .model.joints.ideal import InlineJoint as InlineJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
-from .model.joints.planar_joint import PlanarJoint as PlanarJoint
 from .model.joints.planes import LineInPlaneJoint as LineInPlaneJoint
+from .model.joints.planes import PlanarJoint as PlanarJoint
 from .model.joints.planes import PointInPlaneJoint as PointInPlaneJoint
-from .model.joints.screw_joint import ScrewJoint as ScrewJoint
-from .model.joints.universal_joint import UniversalJoint as UniversalJoint
 from .model.orientations import rotation as rotation
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Parameter as Parameter

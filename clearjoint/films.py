@@ -1,8 +1,8 @@
 """Hydrodynamic forces of the lubricant in a bearing, passed as `film=` to a `LubricatedJoint`."""
 
 from .fields.readable import without_modules as _without_modules
-from .model.film.butenschoen import ButenschoenFilm as ButenschoenFilm
-from .model.film.capone import CaponeFilm as CaponeFilm
-from .model.film.pinkus_sternlicht import PinkusSternlichtFilm as PinkusSternlichtFilm
+from .model.films import ButenschoenFilm as ButenschoenFilm
+from .model.films import CaponeFilm as CaponeFilm
+from .model.films import PinkusSternlichtFilm as PinkusSternlichtFilm
 
 __dir__ = _without_modules(globals())

@@ -8,11 +8,11 @@ from .model.contact.bristles import Dahl as Dahl
 from .model.contact.bristles import ElastoPlastic as ElastoPlastic
 from .model.contact.bristles import LuGre as LuGre
 from .model.contact.friction import Ambrosio as Ambrosio
+from .model.contact.friction import BengisuAkay as BengisuAkay
+from .model.contact.friction import BrownMcPhee as BrownMcPhee
 from .model.contact.friction import LinearCoulomb as LinearCoulomb
 from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
+from .model.contact.friction import Stribeck as Stribeck
 from .model.contact.friction import Threlfall as Threlfall
-from .model.contact.stribeck import BengisuAkay as BengisuAkay
-from .model.contact.stribeck import BrownMcPhee as BrownMcPhee
-from .model.contact.stribeck import Stribeck as Stribeck
 
 __dir__ = _without_modules(globals())

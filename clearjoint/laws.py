@@ -33,6 +33,8 @@ from .model.contact.dashpots import Tsuji as Tsuji
 from .model.contact.dashpots import clamped_restitution as clamped_restitution
 from .model.contact.hunt_crossley import Hertz as Hertz
 from .model.contact.hunt_crossley import MemorylessHuntCrossley as MemorylessHuntCrossley
+from .model.contact.laws import GivenStiffness as GivenStiffness
+from .model.contact.laws import RavnStiffness as RavnStiffness
 from .model.contact.logarithmic_cylinders import (
     DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
 )
@@ -42,7 +44,5 @@ from .model.contact.logarithmic_cylinders import JohnsonCylinder as JohnsonCylin
 from .model.contact.logarithmic_cylinders import RadzimovskyCylinder as RadzimovskyCylinder
 from .model.contact.restitution import delivered_restitution as delivered_restitution
 from .model.contact.restitution import exact_damping_factor as exact_damping_factor
-from .model.contact.stiffness import GivenStiffness as GivenStiffness
-from .model.contact.stiffness import RavnStiffness as RavnStiffness
 
 __dir__ = _without_modules(globals())

@@ -9,7 +9,7 @@ from .identification.minimise import Minimum as Minimum
 from .identification.screening.screening import Screened as Screened
 from .information.analysis import Identifiability as Identifiability
 from .information.horizon import FitHorizon as FitHorizon
-from .model.clearance_joints.carried_journal import CarriedJournal as CarriedJournal
+from .model.clearance_joints.lubricated import CarriedJournal as CarriedJournal
 from .scene_files.urdf import JointLimits as JointLimits
 from .simulation.results.impact_table import Impacts as Impacts
 from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals

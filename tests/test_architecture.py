@@ -34,7 +34,7 @@ FLOORS = (
 BASIS = {"jax", "equinox", "jaxtyping", "numpy", "typing_extensions"}
 THIRD_PARTY = {
     "llvmlite": {"native"},
-    "diffrax": {"command_line", "simulation", "testing"},
+    "diffrax": {"command_line", "simulation"},
     "tqdm": {"simulation", "sweeps", "identification"},
     "k3d": {"views"},
     "matplotlib": {"command_line", "plot", "views"},

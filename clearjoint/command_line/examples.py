@@ -7,8 +7,8 @@ from tempfile import TemporaryDirectory
 
 from ..model.bodies import State
 from ..model.mechanisms.double_pendulum import double_pendulum
-from ..model.mechanisms.four_bar import four_bar
-from ..model.mechanisms.slider_crank import slider_crank
+from ..model.mechanisms.four_bars import four_bar
+from ..model.mechanisms.slider_cranks import slider_crank
 from ..model.scene import Scene
 from ..scene_files.files import save
 from ..scene_files.locations import FileLocation

@@ -16,10 +16,10 @@ import numpy as np
 from ..compilation import traced_once
 from ..math.functions import wrapped
 from ..math.vectors import Condition, Scalar
-from ..model.joints.base import AbstractElement
+from ..model.joints.base import AbstractElement, Row
 from ..model.scene import Scene
 from .coordinates import MotionVariables
-from .system import Prescribed, System
+from .system import System
 
 if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
@@ -126,7 +126,7 @@ def drivers_are_smooth(
     """
 
     @traced_once
-    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
+    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Row]:
         return system.prescribed(variables, t)
 
     def integral(values: Sequence[Scalar]) -> Scalar:
@@ -144,14 +144,14 @@ def drivers_are_smooth(
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     for beyond, first, last, *others in zip(*at_times, strict=True):
-        rates, seconds = zip(*((one.rate, one.second_rate) for one in others), strict=True)
+        rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
         # Angles are compared modulo 2 pi.
         value = wrapped(beyond.value - first.value - integral(rates), 2.0 * math.pi)
-        rate = last.rate - first.rate - integral(seconds)
+        rate = last.time_rate - first.time_rate - integral(seconds)
         # The scale is the total variation of the rate: a driver that oscillates within the step has
         # small rates at both ends.
         change = integral([jnp.abs(second) for second in seconds])
-        speed = jnp.abs(first.rate) + jnp.abs(last.rate) + change
+        speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
         fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
         fine &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE

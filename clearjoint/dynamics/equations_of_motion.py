@@ -4,6 +4,7 @@ Python leaves out, while JAX traces, everything that a scene lacks: without cons
 program has no multipliers, without friction no slip, without a ledger no powers.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,23 +71,18 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    def apply(name: str, wrench: Wrench) -> None:
-        wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
+    def apply(given: Iterable[tuple[str, Wrench]]) -> None:
+        for name, wrench in given:
+            if name != GROUND:
+                wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
 
     for element in scene.forces.values():
-        for name, wrench in element.wrenches(motions, t).items():
-            if name != GROUND:
-                apply(name, wrench)
+        apply(element.wrenches(motions, t).items())
     for joint_name, joint in scene.contact_joints().items():
-        for name, wrench in joint.film_wrenches(motions).items():
-            if name != GROUND:
-                apply(name, wrench)
+        apply(joint.film_wrenches(motions).items())
         for force in forces.get(joint_name, {}).values():
-            pushes = contact_wrenches(
-                joint, force.contact, force.normal_force, force.friction, motions
-            )
-            for name, wrench in pushes:
-                apply(name, wrench)
+            friction = force.friction
+            apply(contact_wrenches(joint, force.contact, force.normal_force, friction, motions))
     return wrenches
 
 
@@ -128,31 +124,20 @@ def solved(
     - `rows`: constraint rows, by joint and label.
     - `rates`: rates of the speeds without constraints, to which the constraints' effect is added.
     """
-    multipliers: ByLabel[Scalar] = {}
-    if rows:
-        change, in_order = _constraint_response(formulation, mechanics, flattened(rows), rates)
-        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        values = iter(in_order)
-        multipliers = {
-            name: {label: next(values) for label in family} for name, family in rows.items()
-        }
-    return Dynamics(mechanics, forces, rows, rates, multipliers)
-
-
-def _constraint_response(
-    formulation: Formulation, mechanics: AbstractMechanics, rows: list[Row], rates: Speeds
-) -> tuple[Speeds, list[Scalar]]:
-    """Return the change of the speeds' rates by the constraints, and one multiplier for each row.
-
-    `rates` are the rates without constraints.
-    """
-    directions = [mechanics.projected(row.jacobian) for row in rows]
+    if not rows:
+        return Dynamics(mechanics, forces, rows, rates, {})
+    in_order = flattened(rows)
+    directions = [mechanics.projected(row.jacobian) for row in in_order]
     # Second derivative of each row: its target by the stabilisation, minus the part that does not
     # depend on the rates, minus the part of the unconstrained rates.
     targets = [
         formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
         - add(row.bias, mechanics.bias(row))
         - inner(direction, rates)
-        for row, direction in zip(rows, directions, strict=True)
+        for row, direction in zip(in_order, directions, strict=True)
     ]
-    return response(mechanics, directions, targets, formulation.solver())
+    change, multipliers = response(mechanics, directions, targets, formulation.solver())
+    rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+    values = iter(multipliers)
+    by_label = {name: {label: next(values) for label in family} for name, family in rows.items()}
+    return Dynamics(mechanics, forces, rows, rates, by_label)

@@ -1,7 +1,6 @@
 """Methods against the drift of constraints by integration errors: Baumgarte's feedback (eq. 32),
 projection at the end of each step, or none."""
 
-import abc
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -16,7 +15,7 @@ T = TypeVar("T")
 class AbstractStabilisation(AbstractConverting):
     """Base class of methods that keep constraints satisfied in spite of integration errors.
 
-    A subclass defines `target`, and may override `corrected`:
+    A subclass overrides `target` or `corrected`:
 
     ```python
     import clearjoint as cj
@@ -31,15 +30,17 @@ class AbstractStabilisation(AbstractConverting):
     ```
     """
 
-    @abc.abstractmethod
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return the second time derivative that the equations of motion impose on a constraint.
+        """Return the second time derivative that the equations of motion impose on a constraint;
+        zero by default.
 
         **Arguments:** `value`: Phi of the constraint, m or rad; `rate`: time derivative of Phi, m/s
         or rad/s.
 
         **Returns:** m/s^2 or rad/s^2.
         """
+        del value, rate
+        return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
         """Return corrected variables at the end of a step; by default they are unchanged.
@@ -52,17 +53,13 @@ class AbstractStabilisation(AbstractConverting):
 
 
 class Unstabilised(AbstractStabilisation):
-    """No stabilisation: the constraints drift as integration errors accumulate.
+    """No stabilisation: only second derivatives of the constraints are satisfied, which drift as
+    integration errors accumulate.
 
     >>> drifting = cj.Unstabilised()
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
     Unstabilised()
     """
-
-    def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return zero, so that only second derivatives of the constraints are satisfied."""
-        del value, rate
-        return 0.0
 
 
 class Baumgarte(AbstractStabilisation):
@@ -91,12 +88,6 @@ class Projection(AbstractStabilisation):
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=method).stabilisation
     Projection()
     """
-
-    def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return zero, so that only second derivatives of the constraints are satisfied within a
-        step."""
-        del value, rate
-        return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
         """Return variables whose positions and velocities are projected onto the constraints."""

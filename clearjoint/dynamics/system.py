@@ -6,7 +6,7 @@ motions, forces and rates.
 
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -43,19 +43,6 @@ from .multipliers import response, row_rate
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. With the default
 stabilisation and tolerances, constraints drift by about a thousandth of this value."""
-
-
-class Prescribed(NamedTuple):
-    """A constraint that depends on time, evaluated for bodies at rest.
-
-    - `value`: Phi, m or rad.
-    - `rate`, `second_rate`: first and second time derivative of Phi, m/s or rad/s and m/s^2 or
-      rad/s^2.
-    """
-
-    value: Scalar
-    rate: Scalar
-    second_rate: Scalar
 
 
 class System(eqx.Module):
@@ -257,10 +244,8 @@ class System(eqx.Module):
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        if not rows:
-            return variables
-        targets = [-row.value for row in rows]
-        return mechanics.after_displacement(self._correction(mechanics, rows, targets))
+        changes = self._correction(mechanics, rows, [-row.value for row in rows])
+        return variables if changes is None else mechanics.after_displacement(changes)
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """Return the variables with corrected velocities, for which the constraints' rates are
@@ -270,16 +255,17 @@ class System(eqx.Module):
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        if not rows:
-            return variables
-        targets = [-row_rate(row, mechanics.motions) for row in rows]
-        return mechanics.after_speed_change(self._correction(mechanics, rows, targets))
+        rates = [-row_rate(row, mechanics.motions) for row in rows]
+        changes = self._correction(mechanics, rows, rates)
+        return variables if changes is None else mechanics.after_speed_change(changes)
 
     def _correction(
         self, mechanics: AbstractMechanics, rows: Sequence[Row], targets: Sequence[Scalar]
-    ) -> Speeds:
+    ) -> Speeds | None:
         """Return the smallest change of positions or speeds, in the metric of the mass matrix, that
-        changes the value or the rate of each row by its target."""
+        changes the value or the rate of each row by its target; ``None`` without rows."""
+        if not rows:
+            return None
         directions = [mechanics.projected(row.jacobian) for row in rows]
         return response(mechanics, directions, targets, self.formulation.solver())[0]
 
@@ -287,21 +273,19 @@ class System(eqx.Module):
         """Return whether any constraint remains that the coordinates do not eliminate."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
-    def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Prescribed]:
-        """Return value and rates of each constraint that depends on time, with all bodies at rest.
+    def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Row]:
+        """Return the rows of constraints that depend on time, with all bodies at rest and without
+        Jacobians.
 
-        The list has the order of `rows`, without the constraints that do not depend on time.
+        `time_rate` and `bias` of such a row are the first and second time derivative of its value.
+        The list has the order of `rows`.
         """
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)
             for name, motion in self.motions(variables).items()
         }
         rows = flattened(self.rows(motions, t))
-        return [
-            Prescribed(row.value, row.time_rate, row.bias)
-            for row in rows
-            if not is_zero(row.time_rate)
-        ]
+        return [replace(row, jacobian={}) for row in rows if not is_zero(row.time_rate)]
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether any constraint is violated by more than `FARTHEST`, or by more than the

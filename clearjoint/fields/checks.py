@@ -154,6 +154,25 @@ def require(
         )
 
 
+def require_numbers(
+    condition: Callable[..., bool],
+    argument: str,
+    values: tuple[ArrayLike, ...],
+    expected: str,
+    remedy: str,
+) -> None:
+    """Check a condition on the first of several values; the others are what it depends on.
+
+    **Arguments:** `condition`: function of the values as arrays, whose result may be traced.
+    `expected`: may contain `{0}` and so on for the values. The others are those of `require`.
+
+    **Raises:** `ValueError` if the condition is false.
+    """
+    if (known := checkable(*values)) is not None:
+        expected = expected.format(*map(as_shown, known))
+        require(condition(*known), argument, known[0], expected, remedy)
+
+
 def _shown(value: object) -> str:
     """Return a value as text of about `LONGEST` characters at most, or its size if it is longer."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
@@ -342,13 +361,11 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 def recheck(tree: PyTree) -> None:
     """Repeat the checks at construction for all modules in a PyTree, without warnings."""
     with quiet():
-        _recheck(tree)
-
-
-def _recheck(tree: PyTree) -> None:
-    _check_here(tree)
-    for child in _children(tree):
-        _recheck(child)
+        waiting = [tree]
+        while waiting:
+            node = waiting.pop()
+            _check_here(node)
+            waiting += reversed(_children(node))
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
@@ -398,9 +415,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
-            near, anywhere = (
-                (any(which) for which in zip(*changes, strict=True)) if changes else NONE
-            )
+            near, anywhere = (any(change[k] for change in changes) for k in range(2))
             # The checks of a user-defined class may read the entries of its dictionaries and lists.
             if near or (anywhere and not is_of_package(tree)):
                 paths.append(path)
@@ -413,9 +428,6 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
 
     collect(jax.tree.unflatten(structure, changed), ())
     return paths
-
-
-NONE = False, False
 
 
 def _child(tree: PyTree, key: str | int) -> PyTree:

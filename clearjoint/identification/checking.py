@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from jaxtyping import Float
@@ -19,10 +19,9 @@ from jaxtyping import Float
 from ..parametrisation.parameter import Parameter, step_limits
 from . import goodness_of_fit as statistics
 from . import likelihood
-from .levenberg_marquardt import Ending, Iteration, search_with_damping
-from .residuals import Experiment, RunMisfit, Samples, run_misfit
+from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
 from .screening.misfit_curves import SideBySide
-from .searches import Search, WindowSearch
 
 ROUNDS = 6
 """Maximum number of rounds in which points are drawn."""
@@ -85,9 +84,7 @@ class LikelihoodCheck:
         **Arguments:** `best`: the best run of the fit.
         """
         assert self.exploration is not None
-        half = math.sqrt(likelihood.RISE) * np.sqrt(
-            np.diag(statistics.parameter_covariance(best.jacobian))
-        )
+        half = np.sqrt(likelihood.RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
         ratios = np.abs(np.concatenate([best.coordinates - low, high - best.coordinates]))
         ratios = ratios / np.tile(half, 2)
@@ -99,7 +96,7 @@ class LikelihoodCheck:
         if self.exploration is None:
             return 1
         limit = self.exploration.lowest + likelihood.RISE
-        distinct: list[likelihood.LocalMinimum] = []
+        distinct: list[RunMisfit] = []
         for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
             apart = not any(likelihood.inside(other, one.coordinates) for other in distinct)
             if one.chi_squared <= limit and apart:
@@ -118,77 +115,85 @@ def check(
     """Test the covariance of a fit by runs around its best run, and explore chi squared if it
     fails.
 
-    **Arguments:**
-
-    - `best`: the best run of the fit.
-    - `runs`, `data`: the simulations of the experiment, and the samples.
-    - `parameters`: the p parameters by name, in the order of the coordinates.
-    - `number`: number of points in the first round of an exploration.
-    - `on_iteration`: function that is called with every iteration of the local searches.
+    **Arguments:** `number`: number of points in the first round of an exploration; `on_iteration`:
+    function that is called with every iteration of the local searches.
     """
     started = time.perf_counter()
     generator = np.random.default_rng(0)
-    end = float(np.asarray(runs.times)[-1])
     limits = _largest_offsets(best, parameters)
-    covariance = statistics.parameter_covariance(best.jacobian)
-    offsets = likelihood.displacements(covariance, limits, generator)
-    shape = data.weights.shape
-    residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
-    trials = [run_misfit(runs, data, end, best.coordinates + offset) for offset in offsets]
+    test = _quadratic_test(best, runs, data, limits, generator)
+    explored, searches, difference = None, [], 0.0
+    count = len(test.actual)
+    if not test.passed:
+        lanes = SideBySide(runs, data)
+
+        def chi_squared(points: np.ndarray) -> np.ndarray:
+            return lanes.chi_squared(points, lanes.count)[:, -1]
+
+        def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+            searches.append(_descent(runs, data, parameters, start, near, steps, on_iteration))
+            return searches[-1].best
+
+        difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+        # Chi squared of an early part of the record is smoother and wider: its covariance draws
+        # points beyond the minimum that the whole record's covariance describes.
+        covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
+        explored = likelihood.explore(
+            chi_squared,
+            descend,
+            best,
+            covariances,
+            np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance))),
+            number,
+            ROUNDS,
+            statistics.likely_chi_squared(data.count - len(best.coordinates)),
+            generator,
+        )
+        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+        if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
+            descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+        count += len(explored.points) + sum(search.evaluations for search in searches)
+    seconds = time.perf_counter() - started
+    return LikelihoodCheck(test, explored, tuple(searches), count, seconds, difference)
+
+
+def _quadratic_test(
+    best: RunMisfit,
+    runs: Experiment,
+    data: Samples,
+    limits: Float[np.ndarray, " p"],
+    generator: np.random.Generator,
+) -> likelihood.QuadraticTest:
+    """Compare runs at points around the best run with the prediction of its covariance."""
+    offsets = likelihood.displacements(best.covariance, limits, generator)
+    times, shape = np.asarray(runs.times), data.weights.shape
+    trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
     moved = np.array([trial.residuals.reshape(shape) for trial in trials])
     # Far points bend chi squared by the scale of a parameter (such as a logarithm), which says
     # nothing about the motion: only near points decide up to which time the fit is reliable.
     near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
-    test = likelihood.tested(residuals, jacobian, offsets, moved, np.asarray(runs.times), near)
-    count = len(offsets)
-    if test.passed:
-        seconds = time.perf_counter() - started
-        return LikelihoodCheck(test, None, (), count, seconds, 0.0)
+    residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
+    return likelihood.tested(residuals, jacobian, offsets, moved, times, near)
 
-    lanes = SideBySide(runs, data)
-    searches: list[Search] = []
-    max_changes = step_limits(parameters)
 
-    def chi_squared(points: np.ndarray) -> np.ndarray:
-        return lanes.chi_squared(points, lanes.count)[:, -1]
-
-    def descend(
-        start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN
-    ) -> likelihood.LocalMinimum:
-        lowest, iterations, ending = search_with_damping(
-            lambda at: run_misfit(runs, data, end, at),
-            start,
-            max_changes,
-            near,
-            steps,
-            on_iteration,
-        )
-        if ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
-        searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-        return _minimum(lowest)
-
-    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-    # Chi squared of an early part of the record is smoother and wider: its covariance draws points
-    # beyond the minimum that the whole record's covariance describes.
-    covariances = [covariance, *_early_covariances(runs, jacobian, test.horizon)]
-    explored = likelihood.explore(
-        chi_squared,
-        descend,
-        _minimum(best),
-        covariances,
-        np.minimum(limits, FARTHEST * np.sqrt(np.diag(covariance))),
-        number,
-        ROUNDS,
-        statistics.likely_chi_squared(data.count - len(best.coordinates)),
-        generator,
+def _descent(
+    runs: Experiment,
+    data: Samples,
+    parameters: Mapping[str, Parameter],
+    start: np.ndarray,
+    near: float,
+    steps: int,
+    on_iteration: Callable[[Iteration], None],
+) -> Search:
+    """Search locally from a start, up to a Gauss-Newton step `near` or `steps` runs."""
+    end = float(runs.times[-1])
+    misfit = partial(run_misfit, runs, data, end)
+    lowest, iterations, ending = search_with_damping(
+        misfit, start, step_limits(parameters), near, steps, on_iteration
     )
-    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-    if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
-        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-    count += len(explored.points) + sum(search.evaluations for search in searches)
-    seconds = time.perf_counter() - started
-    return LikelihoodCheck(test, explored, tuple(searches), count, seconds, difference)
+    if ending is Ending.INTERRUPTED:
+        raise KeyboardInterrupt
+    return Search(start, (WindowSearch(end, iterations, ending),), lowest)
 
 
 def _largest_offsets(
@@ -207,23 +212,16 @@ def _largest_offsets(
     return np.where(np.isfinite(max_changes), 2.0 * max_changes, far)
 
 
-def _minimum(run: RunMisfit) -> likelihood.LocalMinimum:
-    covariance = statistics.parameter_covariance(run.jacobian)
-    return likelihood.LocalMinimum(run.coordinates, run.chi_squared, covariance)
-
-
 def _early_covariances(
-    runs: Experiment, jacobian: Float[np.ndarray, "S T p"], horizon: float
+    best: RunMisfit, runs: Experiment, data: Samples, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return two covariances of the coordinates, (p, p): for samples up to `horizon`, s, and up to
-    half of it.
-
-    The list is empty if the horizon is infinite. `jacobian` has the derivatives of the residuals.
-    """
-    start, times = float(runs.start_time), np.asarray(runs.times)[: jacobian.shape[1]]
-    covariances = []
-    for fraction in (1.0, 0.5) if math.isfinite(horizon) else ():
-        early = times < start + fraction * (horizon - start)
-        rows = (jacobian * early[:, None]).reshape(-1, jacobian.shape[-1])
-        covariances.append(statistics.parameter_covariance(rows))
-    return covariances
+    """Return two covariances of the coordinates: for samples up to `horizon`, s, and up to half of
+    it; none if the horizon is infinite."""
+    if not math.isfinite(horizon):
+        return []
+    start, times = float(runs.start_time), np.asarray(runs.times)
+    early = [times < start + fraction * (horizon - start) for fraction in (1.0, 0.5)]
+    rows = best.jacobian.reshape(*data.weights.shape, -1)
+    return [
+        parameter_covariance((rows * part[:, None]).reshape(best.jacobian.shape)) for part in early
+    ]

@@ -1,7 +1,7 @@
 """Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,23 +16,23 @@ from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter
+from ..parametrisation.parameter import Parameter, step_limits
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import likelihood
-from .advice import Evidence
 from .checking import LikelihoodCheck
-from .levenberg_marquardt import Ending
+from .levenberg_marquardt import Ending, Search
 from .report import (
+    FAR,
     correlation_table,
     estimates_table,
     numbered,
+    remedies,
     searches_table,
     series_table,
 )
 from .residuals import RunMisfit
 from .screening.screening import Screened
-from .searches import Search
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -130,12 +130,12 @@ class Fit(AbstractTabular):
     @property
     def estimates(self) -> dict[str, float]:
         """Estimated value of each parameter by name, in `units`."""
-        return self._values(self.coordinates)
+        return values_at(self.parameters, self.coordinates)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements."""
-        return statistics.parameter_covariance(self.best.best.jacobian)
+        return self.best.best.covariance
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
@@ -164,11 +164,13 @@ class Fit(AbstractTabular):
         enough. If `check` has explored chi squared, the interval contains all explored points with
         a chi squared at most 3.84 above the lowest.
         """
-        ends = statistics.intervals(self.best.best, self._other_minima)
+        minima = self.best.best, *self._other_minima
+        lows, highs = likelihood.intervals(minima, self.chi_squared)
+        ends = lows.min(axis=0), highs.max(axis=0)
         if self.check is not None and self.check.exploration is not None:
             explored = self.check.exploration.intervals()
             ends = np.minimum(ends[0], explored[0]), np.maximum(ends[1], explored[1])
-        low, high = map(self._values, ends)
+        low, high = (values_at(self.parameters, end) for end in ends)
         return {name: (low[name], high[name]) for name in self.parameters}
 
     @property
@@ -180,7 +182,7 @@ class Fit(AbstractTabular):
         smallest chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
-        return [self._values(minimum.coordinates) for minimum in minima]
+        return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
@@ -249,17 +251,22 @@ class Fit(AbstractTabular):
     def advice(self) -> list[str]:
         """Sentences on remedies, the first to try first, if the residuals are far above the noise
         or the best run fails; otherwise an empty list."""
-        return Evidence(
-            self.measurements,
-            self.parameters,
-            self.predictions,
-            self.residuals,
-            self.searches,
-            self.best,
-            self._scatter if self.degrees_of_freedom > 0 else 0.0,
-            bool(self.screened),
-            self.horizon,
-        ).advice()
+        scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
+        if not scatter > FAR and self.ending is not Ending.FAILED:
+            return []
+        return list(
+            remedies(
+                self.measurements,
+                self.parameters,
+                self.predictions,
+                self.residuals,
+                self.searches,
+                self.best,
+                scatter,
+                bool(self.screened),
+                self.horizon,
+            )
+        )
 
     def __str__(self) -> str:
         """Return the report: estimates, goodness of fit, series, correlations, warnings and
@@ -305,7 +312,11 @@ class Fit(AbstractTabular):
         )
         number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
         source = f"all points with a chi squared at most 3.84 above the lowest, with {number}"
-        if self._intervals_confirmed:
+        # Chi squared at the end of the search less that of `best`, which the exploration found.
+        moved = float(explored.chi_squared[0]) - self.chi_squared
+        single = check.minima == 1 and moved <= likelihood.FLOOR
+        reliable = explored.settled and abs(check.difference) <= 1.0
+        if single and reliable and check.widening(self.best.best) < ALIKE:
             parts = [
                 f"Chi squared is rough: {result}. The intervals agree with those from {source} "
                 f"({cost}). There may be lower minima farther away."
@@ -314,12 +325,20 @@ class Fit(AbstractTabular):
             parts = [
                 f"Standard errors are not valid: {result}. The intervals contain {source} ({cost})."
             ]
-        if self._moved > likelihood.FLOOR:
+        if moved > likelihood.FLOOR:
             parts.append(
-                f"The fit has moved to a minimum whose chi squared is {self._moved:.3g} lower than "
+                f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
             )
-        parts += self._samples_past_horizon()
+        until = check.horizon
+        if self.horizon is not None:
+            until = min(until, self.horizon.single_shot)
+        if math.isfinite(until):
+            past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
+            parts.append(
+                f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon "
+                "of a fit by a single run."
+            )
         if not explored.settled:
             parts.append(
                 "The intervals were still growing: increase check_runs, or shorten the record."
@@ -331,66 +350,31 @@ class Fit(AbstractTabular):
             )
         return " ".join(parts)
 
-    @cached_property
-    def _intervals_confirmed(self) -> bool:
-        """Whether intervals from runs around the estimates agree with the intervals of the
-        covariance."""
-        check = self.check
-        if check is None or check.exploration is None:
-            return check is None or check.passed
-        single = check.minima == 1 and self._moved <= likelihood.FLOOR
-        reliable = check.exploration.settled and abs(check.difference) <= 1.0
-        return single and reliable and check.widening(self.best.best) < ALIKE
-
-    @property
-    def _moved(self) -> float:
-        """Chi squared at the end of the search less that of `best`, which the exploration found."""
-        assert self.check is not None and self.check.exploration is not None
-        return float(self.check.exploration.chi_squared[0]) - self.chi_squared
-
     @property
     def doubts(self) -> list[str]:
         """Sentences on a failed test of the covariance; empty if the test passed or was not
         made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
-    def _samples_past_horizon(self) -> list[str]:
-        assert self.check is not None
-        limits = [self.check.horizon]
-        if self.horizon is not None:
-            limits.append(self.horizon.single_shot)
-        if not math.isfinite(min(limits)):
-            return []
-        until = min(limits)
-        past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
-        return [
-            f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon of a "
-            "fit by a single run."
-        ]
-
-    def _search_warnings(self) -> Sequence[str]:
-        warnings = []
+    def _search_warnings(self) -> Iterator[str]:
         if self.ending is not Ending.CONVERGED:
-            warnings.append(f"Not converged: {self.ending.value}.")
+            yield f"Not converged: {self.ending.value}."
         if self.screened and not self.screened[-1].complete:
             end = self.screened[-1].times[-1]
-            warnings.append(f"Screening reached only {end:.4g} s: increase its rounds.")
-        return warnings
+            yield f"Screening reached only {end:.4g} s: increase its rounds."
 
-    def _rival_warnings(self) -> Sequence[str]:
-        warnings = []
+    def _rival_warnings(self) -> Iterator[str]:
         others = statistics.competing_minima(self.best.best, self._other_minima)
         for rival in others[:SHOWN]:
-            excess = rival.chi_squared - self.chi_squared
-            values = self._values(rival.coordinates).items()
-            warnings.append(
-                f"Another minimum is only {excess:.2g} higher in chi squared, at "
+            values = values_at(self.parameters, rival.coordinates).items()
+            yield (
+                f"Another minimum is only {rival.chi_squared - self.chi_squared:.2g} higher in chi "
+                "squared, at "
                 + ", ".join(f"{name} {value:.5g}" for name, value in values)
                 + ": the data do not decide between them."
             )
         if len(others) > SHOWN:
-            warnings.append(f"{len(others) - SHOWN} more minima are in Fit.rivals.")
-        return warnings
+            yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
@@ -398,62 +382,47 @@ class Fit(AbstractTabular):
         others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
 
-    def _bound_warnings(self) -> Sequence[str]:
-        warnings = []
+    def _bound_warnings(self) -> Iterator[str]:
         for name, parameter in self.parameters.items():
             scale, value = parameter.scale, self.estimates[name]
             if isinstance(scale, Bounded):
-                near = AT_BOUND * (scale.high - scale.low)
                 for bound in (scale.low, scale.high):
-                    if abs(value - bound) < near:
-                        warnings.append(f"{name} is at its bound {bound:g}.")
-        return warnings
+                    if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
+                        yield f"{name} is at its bound {bound:g}."
 
-    def _uncertain_directions(self) -> Sequence[str]:
-        """Return a warning for each combination of parameters that the data hardly determine.
+    def _uncertain_directions(self) -> Iterator[str]:
+        """Yield a warning for each combination of parameters that the data hardly determine.
 
         A change along the combination by one standard deviation exceeds the largest change that one
         step of a fit may make to a coordinate.
         """
-        warnings = []
-        sizes = [
-            p.scale.max_step if math.isfinite(p.scale.max_step) else abs(u)
-            for p, u in zip(self.parameters.values(), self.coordinates, strict=True)
-        ]
+        limits = step_limits(self.parameters)
+        sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
         for change, deviation in statistics.directions(self.best.best.jacobian):
-            if np.any(deviation * np.abs(change) > np.array(sizes)):
-                warnings.append(
-                    "The data hardly determine the combination "
-                    f"{combination(change, self.parameters)} (standard deviation {deviation:.2g}, "
-                    "in the coordinates of the scales)."
+            if np.any(deviation * np.abs(change) > sizes):
+                pairs = zip(change, self.parameters, strict=True)
+                combination = " ".join(f"{w:+.3g} {name}" for w, name in pairs if abs(w) > 1e-3)
+                yield (
+                    f"The data hardly determine the combination {combination} (standard deviation "
+                    f"{deviation:.2g}, in the coordinates of the scales)."
                 )
-        return warnings
 
     @property
     def _scatter(self) -> float:
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
-    def _noise_warnings(self) -> Sequence[str]:
-        if self.degrees_of_freedom < 1:
-            return []
-        ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
-        if self.p_value < statistics.UNLIKELY:
-            return [f"{ratio}: the noise is understated, or the model lacks an effect."]
-        if self.p_value > 1.0 - statistics.UNLIKELY:
-            return [f"{ratio}: the noise is overstated."]
-        return []
-
-    def _values(self, coordinates: Float[np.ndarray, " p"]) -> dict[str, float]:
-        pairs = zip(self.parameters.items(), coordinates, strict=True)
-        return {name: float(p.scale.value(u)) for (name, p), u in pairs}
+    def _noise_warnings(self) -> Iterator[str]:
+        if self.degrees_of_freedom > 0:
+            ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
+            if self.p_value < statistics.UNLIKELY:
+                yield f"{ratio}: the noise is understated, or the model lacks an effect."
+            elif self.p_value > 1.0 - statistics.UNLIKELY:
+                yield f"{ratio}: the noise is overstated."
 
 
-def combination(
-    change: Float[np.ndarray, " p"], names: Sequence[str] | dict[str, Parameter]
-) -> str:
-    """Return a weighted sum of parameters as text, such as "+1 k -0.5 c".
-
-    **Arguments:** `change`: (p,) weights, of which those up to 1e-3 are left out; `names`: p names.
-    """
-    pairs = zip(change, names, strict=True)
-    return " ".join(f"{part:+.3g} {name}" for part, name in pairs if abs(part) > 1e-3)
+def values_at(
+    parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
+) -> dict[str, float]:
+    """Return the value of each parameter by name at coordinates (p,)."""
+    pairs = zip(parameters.items(), coordinates, strict=True)
+    return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}

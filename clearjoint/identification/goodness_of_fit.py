@@ -1,4 +1,4 @@
-"""Statistics of a fit: tests of its residuals, covariance, and intervals over several minima."""
+"""Statistics of a fit: tests of its residuals, uncertain directions, and competing minima."""
 
 import math
 from collections.abc import Sequence
@@ -8,12 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..information import fisher_information as information
-from .residuals import RunMisfit
+from .residuals import SINGULAR, RunMisfit
 
-SINGULAR = 1e-12
-"""Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
-raised to this value, so that the variance of an undetermined direction stays finite."""
 UNLIKELY = 1e-3
 """p-value of chi squared below which the noise, the model or the fit is considered wrong."""
 LAGS = 10
@@ -49,16 +45,6 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
         largest = along[np.argmax(np.abs(along))]
         changes.append(Direction(along / largest, abs(largest) / float(size)))
     return changes
-
-
-def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of the estimated coordinates.
-
-    Variances of undetermined directions are large but finite.
-
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
-    """
-    return information.covariance(jacobian, SINGULAR)
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
@@ -109,27 +95,6 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
     return float(normaltest(residuals).pvalue)
 
 
-def intervals(
-    best: RunMisfit, others: Sequence[RunMisfit]
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Return lower and upper ends of the coordinates' 95 % confidence intervals, (p,) each.
-
-    A parameter's interval contains the values for which chi squared, minimised over the other
-    parameters, exceeds that of the best minimum by no more than normal noise allows. Each minimum
-    contributes an interval around itself, which is narrower for a larger chi squared.
-
-    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
-    """
-    lows, highs = [], []
-    for one in (best, *others):
-        excess = DEVIATIONS**2 - (one.chi_squared - best.chi_squared)
-        if excess >= 0.0:
-            half = math.sqrt(excess) * np.sqrt(np.diag(parameter_covariance(one.jacobian)))
-            lows.append(one.coordinates - half)
-            highs.append(one.coordinates + half)
-    return np.min(lows, axis=0), np.max(highs, axis=0)
-
-
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Return minima outside the interval of the best one that fit about as well, the best first.
 
@@ -149,5 +114,5 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    half = DEVIATIONS * np.sqrt(np.diag(parameter_covariance(one.jacobian)))
+    half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,20 +19,19 @@ from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from .checking import check
-from .fit import Fit
-from .levenberg_marquardt import Ending, Iteration, search_with_damping
-from .report import numbered
-from .residuals import (
-    Experiment,
-    RunMisfit,
-    Samples,
-    check_start,
-    experiment,
-    run_misfit,
-    samples,
+from .fit import Fit, values_at
+from .levenberg_marquardt import (
+    Ending,
+    Iteration,
+    Search,
+    WindowSearch,
+    best_search,
+    search_with_damping,
 )
-from .screening.screening import LOOSER, Passes, Screened, Screening
-from .searches import Search, WindowSearch, best_search
+from .report import numbered
+from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
+from .screening.misfit_curves import SideBySide
+from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
@@ -206,24 +205,47 @@ def identify_many(
     runs = runs_with(settings)
     around = starts if isinstance(starts, Starts) else None
     rows = start_coordinates(scene, state, parameters, guess, around)
-    passes = None
-    if isinstance(starts, Screening):
+    if screening := isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
-        coarse_runs = runs_with(settings.looser(LOOSER))
-        passes = Passes(starts, coarse_runs, rows[0], tuple(parameters), progress is True)
+    coarse_runs = runs_with(settings.looser(LOOSER)) if screening else runs
     ends = (*grow, float(times[-1]))
-    windows = _Windows(runs, ends, step_limits(parameters), tolerance, max_iterations)
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
     fits = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
+            data = samples(one, len(runs.times))
             searches: list[Search] = []
             screened, checked, stopped = (), None, False
+
+            def search_from(
+                start: np.ndarray, data: Samples = data, searches: list[Search] = searches
+            ) -> Search:
+                search = _search(
+                    runs,
+                    data,
+                    ends,
+                    start,
+                    step_limits(parameters),
+                    tolerance,
+                    max_iterations,
+                    on_iteration,
+                )
+                searches.append(search)
+                if search.ending is Ending.INTERRUPTED:
+                    raise KeyboardInterrupt
+                return search
+
             try:
-                screened = windows.search(one, rows, passes, on_iteration, searches)
+                if screening:
+                    lanes, names = SideBySide(coarse_runs, data), tuple(parameters)
+                    screened = search_screened(
+                        starts, lanes, rows[0], names, progress is True, search_from
+                    )
+                else:
+                    for row in rows:
+                        search_from(row)
                 best = best_search(searches)
                 if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
-                    data = samples(one, len(runs.times))
                     on_check = partial(on_iteration, data.count)
                     checked = check(best.best, runs, data, parameters, check_runs, on_check)
                     # The last local search started from the lowest minimum: it comes first among
@@ -260,93 +282,57 @@ def _warn(fits: Sequence[Fit]) -> None:
         caution(f"{many}{rough[0]}", PoorFitWarning)
 
 
-@dataclass(frozen=True)
-class _Windows:
-    """Searches over successively longer windows of the record.
+def _search(
+    runs: Experiment,
+    data: Samples,
+    ends: Sequence[float],
+    start: np.ndarray,
+    max_changes: np.ndarray,
+    tolerance: float,
+    max_iterations: int,
+    on_iteration: OnFitIteration,
+) -> Search:
+    """Search from coordinates (p,), window by window; each window starts from the last.
 
-    - `runs`: simulations of the experiment at given coordinates of the parameters.
-    - `ends`: end of each window, s; the last one is the end of the record.
-    - `step_limits`: (p,) largest change of each coordinate in one step.
-    - `tolerance`, `max_iterations`: as in `identify`.
+    **Arguments:** `ends`: end of each window, s; the last one is the end of the record;
+    `max_changes`: (p,) largest change of each coordinate in one step.
     """
-
-    runs: Experiment
-    ends: tuple[float, ...]
-    step_limits: np.ndarray
-    tolerance: float
-    max_iterations: int
-
-    def search(
-        self,
-        measurements: Measurements,
-        rows: np.ndarray,
-        passes: Passes | None,
-        on_iteration: OnFitIteration,
-        searches: list[Search],
-    ) -> tuple[Screened, ...]:
-        """Search from given starts, or from starts that a screening finds.
-
-        Each search is appended to `searches` when it ends, so that none is lost if the next search
-        is interrupted.
-
-        **Arguments:** `rows`: (n, p) coordinates of the starts; without effect if `passes` is
-        given. `passes`: the screening, or ``None``.
-
-        **Returns:** the results of the screening; empty without a screening.
-        """
-        data = samples(measurements, len(self.runs.times))
-
-        def search_from(start: np.ndarray) -> Search:
-            searches.append(self._search(data, on_iteration, start))
-            if searches[-1].ending is Ending.INTERRUPTED:
-                raise KeyboardInterrupt
-            return searches[-1]
-
-        if passes is not None:
-            return passes.search(data, search_from)
-        for row in rows:
-            search_from(row)
-        return ()
-
-    def _search(self, data: Samples, on_iteration: OnFitIteration, start: np.ndarray) -> Search:
-        """Search from the coordinates `start` (p,), window by window; each window starts from
-        the last."""
-        windows, at = [], start
-        best: RunMisfit | None = None
-        for end in self.ends:
-            # Over few impacts errors of the parameters have grown little, so that a search in a
-            # short window converges from farther away than in the whole record.
-            part, last = data.until(self.runs.times, end), end == self.ends[-1]
-            misfit = partial(run_misfit, self.runs, part, end)
-            try:
-                best, iterations, ending = search_with_damping(
-                    # Without a prior, a parameter that the window hardly determines could leave its
-                    # range here.
-                    misfit if last else partial(_with_prior, misfit, at, self.step_limits),
-                    at,
-                    self.step_limits,
-                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
-                    self.max_iterations,
-                    partial(on_iteration, part.count),
-                )
-            except KeyboardInterrupt:
-                # In the first run of the window, which `search_with_damping` does not catch: the
-                # result of the window before is kept.
-                if best is None:
-                    raise
-                iterations, ending, last = (), Ending.INTERRUPTED, False
-            # Samples that a failed run did not reach have constant residuals, on which a search may
-            # converge.
-            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
-                ending = Ending.FAILED
-            windows.append(WindowSearch(end, iterations, ending))
-            at = best.coordinates
-            if ending is Ending.INTERRUPTED:
-                if not last:  # A fit needs predictions for all samples.
-                    best = run_misfit(self.runs, data, self.ends[-1], at)
-                break
-        assert best is not None
-        return Search(start, tuple(windows), best)
+    windows, at = [], start
+    best: RunMisfit | None = None
+    for end in ends:
+        # Over few impacts errors of the parameters have grown little, so that a search in a short
+        # window converges from farther away than in the whole record.
+        part, last = data.until(runs.times, end), end == ends[-1]
+        misfit = partial(run_misfit, runs, part, end)
+        try:
+            best, iterations, ending = search_with_damping(
+                # Without a prior, a parameter that the window hardly determines could leave its
+                # range here.
+                misfit if last else partial(_with_prior, misfit, at, max_changes),
+                at,
+                max_changes,
+                tolerance if last else max(tolerance, WINDOW_TOLERANCE),
+                max_iterations,
+                partial(on_iteration, part.count),
+            )
+        except KeyboardInterrupt:
+            # In the first run of the window, which `search_with_damping` does not catch: the result
+            # of the window before is kept.
+            if best is None:
+                raise
+            iterations, ending, last = (), Ending.INTERRUPTED, False
+        # Samples that a failed run did not reach have constant residuals, on which a search may
+        # converge.
+        if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
+            ending = Ending.FAILED
+        windows.append(WindowSearch(end, iterations, ending))
+        at = best.coordinates
+        if ending is Ending.INTERRUPTED:
+            if not last:  # A fit needs predictions for all samples.
+                best = run_misfit(runs, data, ends[-1], at)
+            break
+    assert best is not None
+    return Search(start, tuple(windows), best)
 
 
 def _with_prior(
@@ -371,11 +357,7 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield a function of (number of samples, iteration) that reports the iteration.
-
-    It calls `progress`, if that is a function, or else shows a progress line if `progress` is
-    ``True``. `searches` is the number of fits named in the line.
-    """
+    """Yield a function that calls `progress`, or shows a line with the number of searches."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -388,15 +370,10 @@ def iteration_callback(
     with telling_of_compiling(bar):
 
         def show(count: int, iteration: Iteration) -> None:
-            values = [
-                f"{name} {float(parameter.scale.value(u)):.6g}"
-                for (name, parameter), u in zip(
-                    parameters.items(), iteration.coordinates, strict=True
-                )
-            ]
+            values = values_at(parameters, iteration.coordinates)
             bar.set_postfix_str(
                 f"chi2/N {iteration.chi_squared / count:.4g}, step {iteration.decrement:.2g} sd, "
-                + ", ".join(values)
+                + ", ".join(f"{name} {value:.6g}" for name, value in values.items())
             )
             bar.update()
 

@@ -11,10 +11,9 @@ its scale's `max_step`. The search ends when the Gauss-Newton step is a small fr
 standard deviation of the estimates.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -25,7 +24,7 @@ from jaxtyping import Float, PyTree
 
 from ..compilation import Compiled
 from ..fields.conversion import on_device
-from ..math.vectors import Scalar
+from .residuals import RunMisfit
 
 PATIENCE = 15
 """Number of successive rejected steps, each a quarter of the previous length, that end a search."""
@@ -37,29 +36,6 @@ NEARLY = 0.1
 below this step, because integration errors prevent a higher accuracy."""
 SINGULAR = 1e-12
 """Singular value relative to the largest below which the data don't determine a direction."""
-
-
-class LinearisedMisfit(Protocol):
-    """A function's residuals (M,) and their Jacobian (M, p) at coordinates (p,)."""
-
-    @property
-    def coordinates(self) -> Float[np.ndarray, " p"]:
-        """Point of the search, (p,): a parameter's coordinate is its value on its scale, such as
-        the logarithm of the value."""
-        ...
-
-    @property
-    def residuals(self) -> Float[np.ndarray, " M"]:
-        """Prediction minus measurement, (M,), in standard deviations of the noise."""
-        ...
-
-    @property
-    def jacobian(self) -> Float[np.ndarray, "M p"]:
-        """Derivatives of the residuals by the coordinates, (M, p)."""
-        ...
-
-
-E = TypeVar("E", bound=LinearisedMisfit)
 
 
 class Ending(Enum):
@@ -101,6 +77,49 @@ class Iteration:
     trust: float
 
 
+@dataclass(frozen=True)
+class WindowSearch:
+    """Search that uses only the samples up to a time.
+
+    - `end_time`: s, end of the window.
+    - `iterations`: all runs of the search.
+    - `ending`: reason why the search ended.
+    """
+
+    end_time: float
+    iterations: tuple[Iteration, ...]
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class Search:
+    """Search from one start.
+
+    - `start`: (p,) coordinates of the start.
+    - `windows`: the successive searches over growing windows of the record.
+    - `best`: the run with the smallest misfit in the last window.
+    """
+
+    start: Float[np.ndarray, " p"]
+    windows: tuple[WindowSearch, ...]
+    best: RunMisfit
+
+    @property
+    def ending(self) -> Ending:
+        """Reason why the search in the last window ended."""
+        return self.windows[-1].ending
+
+    @property
+    def evaluations(self) -> int:
+        """Number of runs in all windows."""
+        return sum(len(window.iterations) for window in self.windows)
+
+
+def best_search(searches: Iterable[Search]) -> Search:
+    """Return the search with the smallest chi squared; of equal ones, the first."""
+    return min(searches, key=lambda search: search.best.chi_squared)
+
+
 class _ClippedDescent(optx.AbstractDescent):
     """A descent whose steps are clipped to `limits` (p,).
 
@@ -112,48 +131,14 @@ class _ClippedDescent(optx.AbstractDescent):
     limits: jax.Array
 
     def init(self, y: jax.Array, f_info_struct: PyTree) -> PyTree:
-        """Return the initial state of the inner descent."""
         return self.descent.init(y, f_info_struct)
 
     def query(self, y: jax.Array, f_info: PyTree, state: PyTree) -> PyTree:
-        """Return the inner descent's state at a new point."""
         return self.descent.query(y, f_info, state)
 
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
-        """Return the step of the inner descent, (p,), with each entry clipped to its limit."""
         step, result = self.descent.step(step_size, state)
         return jnp.clip(step, -self.limits, self.limits), result
-
-
-class _LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Levenberg-Marquardt method that ends by the size of the Gauss-Newton step."""
-
-    descent: _ClippedDescent
-    tolerance: jax.Array
-    search: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.7)
-    rtol: float = 0.0
-    atol: float = 0.0
-    norm: Callable[[PyTree], Scalar] = optx.max_norm
-    verbose: Callable[..., None] = lambda **_: None
-
-    def terminate(
-        self,
-        fn: Callable[..., PyTree],
-        y: jax.Array,
-        args: PyTree,
-        options: dict[str, object],
-        state: PyTree,
-        tags: frozenset[object],
-    ) -> tuple[jax.Array, optx.RESULTS]:
-        """Return whether to end the search.
-
-        A search ends if the Gauss-Newton step or the last step is short, or after `PATIENCE`
-        rejected steps.
-        """
-        near = decrement(state.f_info.residual, state.f_info.jac.as_matrix()) < self.tolerance
-        short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * self.tolerance
-        stuck = state.num_steps_since_acceptance >= PATIENCE
-        return near | short | stuck, optx.RESULTS.successful
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
@@ -175,11 +160,6 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
     return residuals + jacobian @ (y - at), None
 
 
-def _initial_state(solver: _LevenbergMarquardt, y: jax.Array, model: _Model) -> PyTree:
-    rows = jax.eval_shape(lambda: model[1])
-    return solver.init(_residuals, y, model, {}, rows, None, frozenset())
-
-
 @Compiled
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
@@ -191,26 +171,34 @@ def _advance(
 
     **Returns:** the best coordinates, the new arrays, whether to end, and the decrement.
     """
-    solver = _LevenbergMarquardt(
-        descent=_ClippedDescent(optx.DampedNewtonDescent(), limits), tolerance=tolerance
+    solver = eqx.tree_at(
+        lambda solver: (solver.descent, solver.search),
+        optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
+        (
+            _ClippedDescent(optx.DampedNewtonDescent(), limits),
+            optx.ClassicalTrustRegion(high_cutoff=0.7),
+        ),
     )
-    state = initial = _initial_state(solver, y, model)
+    rows = jax.eval_shape(lambda: model[1])
+    state = initial = solver.init(_residuals, y, model, {}, rows, None, frozenset())
     if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
     y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
-    done, _ = solver.terminate(_residuals, y, model, {}, state, frozenset())
     length = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
+    short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * tolerance
+    stuck = state.num_steps_since_acceptance >= PATIENCE
+    done = (length < tolerance) | short | stuck
     return y, eqx.filter(state, eqx.is_array), done, length
 
 
 def search_with_damping(
-    evaluate: Callable[[Float[np.ndarray, " p"]], E],
+    evaluate: Callable[[Float[np.ndarray, " p"]], RunMisfit],
     start: Float[np.ndarray, " p"],
     step_limits: Float[np.ndarray, " p"],
     tolerance: float,
     max_iterations: int,
     on_iteration: Callable[[Iteration], None],
-) -> tuple[E, tuple[Iteration, ...], Ending]:
+) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
     """Minimise the sum of squared residuals from a start, and report every iteration.
 
     A `KeyboardInterrupt` after the first evaluation ends the search.
@@ -228,7 +216,11 @@ def search_with_damping(
     iterations: list[Iteration] = []
     best = latest = evaluate(start)
     try:
-        scales = scales_of(latest.jacobian)
+        # Each coordinate is scaled by the norm of its column; a column that is negligible gets the
+        # largest norm, so that a division by it is safe.
+        norms = np.linalg.norm(latest.jacobian, axis=0)
+        largest = norms.max() if norms.max() > 0.0 else 1.0
+        scales = np.where(norms > SINGULAR * largest, norms, largest)
         y, arrays = on_device(start * scales), None
         limits = on_device(step_limits * scales), on_device(tolerance)
         while True:
@@ -242,7 +234,7 @@ def search_with_damping(
             iteration = Iteration(
                 len(iterations),
                 accepted,
-                float(latest.residuals @ latest.residuals),
+                latest.chi_squared,
                 latest.coordinates,
                 float(length),
                 float(arrays.search_state.step_size),
@@ -261,17 +253,7 @@ def search_with_damping(
         return best, tuple(iterations), Ending.INTERRUPTED
 
 
-def scales_of(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, " p"]:
-    """Return the norm of each column of a Jacobian (M, p), (p,).
-
-    A column that is negligible gets the largest norm, so that a division by it is safe.
-    """
-    norms = np.linalg.norm(jacobian, axis=0)
-    largest = norms.max() if norms.max() > 0.0 else 1.0
-    return np.where(norms > SINGULAR * largest, norms, largest)
-
-
-def _triangular(misfit: LinearisedMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
+def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
     """Return residuals and Jacobian in scaled coordinates, reduced to p + 1 rows.
 
     The QR decomposition rotates the rows and keeps all norms, so that one compiled program serves

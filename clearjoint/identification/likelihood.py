@@ -14,6 +14,7 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .residuals import RunMisfit
 from .screening.level_sets import among, apart
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
@@ -55,15 +56,14 @@ def displacements(
     **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
     each coordinate.
     """
-    errors = np.sqrt(np.diag(covariance))
+    errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
     # parameters minimise chi squared for a given value of parameter k.
     axes = [covariance / errors]
     if len(errors) > 1:
-        variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
-        axes.append(errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0)))
+        axes.append(root)
     along = np.concatenate([np.multiply.outer(STEPS, row) for axis in axes for row in axis.T])
-    normal = generator.standard_normal((DRAWN * len(errors), len(errors))) @ _root(covariance).T
+    normal = generator.standard_normal((DRAWN * len(errors), len(errors))) @ root.T
     normal[1::2] *= 2.0
     return within(np.concatenate([along, normal]), limits)
 
@@ -82,7 +82,7 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return a matrix R (p, p) with R R^T = `covariance`, which may be singular."""
+    """Return R with R R^T = `covariance`, which may be singular, along its eigenvectors."""
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -150,25 +150,8 @@ def tested(
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
     differing = _differing(predicted, actual - slope)[near]
     late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
-    return QuadraticTest(
-        predicted[:, -1],
-        actual[:, -1],
-        float(times[late[0]]) if late.size else math.inf,
-    )
-
-
-@dataclass(frozen=True)
-class LocalMinimum:
-    """Minimum of chi squared found by a local search.
-
-    - `coordinates`: (p,) of the minimum.
-    - `chi_squared`: value at the minimum.
-    - `covariance`: (p, p) of the coordinates, from the derivatives at the minimum.
-    """
-
-    coordinates: Float[np.ndarray, " p"]
-    chi_squared: float
-    covariance: Float[np.ndarray, "p p"]
+    horizon = float(times[late[0]]) if late.size else math.inf
+    return QuadraticTest(predicted[:, -1], actual[:, -1], horizon)
 
 
 @dataclass(frozen=True)
@@ -184,7 +167,7 @@ class Exploration:
 
     points: Float[np.ndarray, "n p"]
     chi_squared: Float[np.ndarray, " n"]
-    minima: tuple[LocalMinimum, ...]
+    minima: tuple[RunMisfit, ...]
     rounds: int
     settled: bool
 
@@ -199,21 +182,34 @@ class Exploration:
         The intervals contain every point with a chi squared at most 3.84 above the lowest, and the
         interval of each minimum by its own covariance, which is narrower for a larger chi squared.
         """
-        allowed = self.chi_squared <= self.lowest + RISE
-        lows, highs = [self.points[allowed]], [self.points[allowed]]
-        for one in self.minima:
-            excess = RISE - (one.chi_squared - self.lowest)
-            if excess >= 0.0:
-                half = np.sqrt(excess * np.diag(one.covariance))
-                lows.append((one.coordinates - half)[None])
-                highs.append((one.coordinates + half)[None])
-        return np.concatenate(lows).min(axis=0), np.concatenate(highs).max(axis=0)
+        allowed = self.points[self.chi_squared <= self.lowest + RISE]
+        ends = np.concatenate([allowed, *intervals(self.minima, self.lowest)])
+        return ends.min(axis=0), ends.max(axis=0)
+
+
+def intervals(
+    minima: Sequence[RunMisfit], lowest: float
+) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, "k p"]]:
+    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
+
+    A parameter's interval contains the values for which chi squared, minimised over the other
+    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima that are higher
+    have none.
+    """
+    p, low, high = len(minima[0].coordinates), [], []
+    for one in minima:
+        excess = RISE - (one.chi_squared - lowest)
+        if excess >= 0.0:
+            half = np.sqrt(excess * np.diag(one.covariance))
+            low.append(one.coordinates - half)
+            high.append(one.coordinates + half)
+    return np.array(low).reshape(-1, p), np.array(high).reshape(-1, p)
 
 
 def explore(
     chi_squared: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
-    descend: Callable[[Float[np.ndarray, " p"]], LocalMinimum],
-    minimum: LocalMinimum,
+    descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
+    minimum: RunMisfit,
     covariances: Sequence[Float[np.ndarray, "p p"]],
     limits: Float[np.ndarray, " p"],
     number: int,
@@ -293,7 +289,7 @@ def explore(
     return replace(explored, settled=False)
 
 
-def inside(minimum: LocalMinimum, point: Float[np.ndarray, " p"]) -> bool:
+def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
     """Return whether a point (p,) is within one standard error of a minimum, by its covariance.
 
     A search from such a point would end in this minimum.

@@ -1,14 +1,32 @@
-"""Tables of a fit's report, as text."""
+"""Text of a fit's report: tables, and remedies for residuals far above the noise."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from ..information.horizon import FitHorizon
 from ..information.text_tables import aligned
+from ..measurements.series import Measurements
+from ..parametrisation.parameter import Parameter
+from ..parametrisation.variations import SeriesDelay, StateNumber
+from . import goodness_of_fit as statistics
+from .levenberg_marquardt import Ending, Search
 from .screening.screening import Screened
-from .searches import Search
+
+FAR = 2.0
+"""Ratio of residuals to stated noise above which a fit is far above the noise."""
+GOOD = 1.5
+"""Ratio of residuals to stated noise up to which a series counts as well fitted."""
+PIECES = 20
+"""Number of pieces of the record, to find the piece where the run departs from the data."""
+MOST = 0.5
+"""Share of chi squared above which one cause counts as the main cause."""
+FEW = 0.02
+"""Share of the samples that may be outliers: the largest residuals are summed over this share."""
+UNCORRELATED = 1e-3
+"""p-value of the test of whiteness below which residuals are not white."""
 
 
 def estimates_table(
@@ -80,3 +98,149 @@ def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[
     runs = sum(one.runs for one in screened)
     rounds = sum(len(one.times) for one in screened)
     return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"
+
+
+def remedies(
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    predictions: Mapping[str, np.ndarray],
+    residuals: Mapping[str, np.ndarray],
+    searches: Sequence[Search],
+    best: Search,
+    scatter: float,
+    screened: bool,
+    horizon: FitHorizon | None,
+) -> Iterator[str]:
+    """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
+
+    **Arguments:** as in `Fit`, and `scatter`: square root of chi squared per degree of freedom, 1
+    for the stated noise; `screened`: whether a screening found the starts.
+    """
+    if all(statistics.whiteness(row) > UNCORRELATED for row in residuals.values()):
+        yield (
+            "Residuals are white: the model fits, and the noise may be understated. If the sensors "
+            f"can be that noisy, state a noise {scatter:.3g} times as large."
+        )
+    sizes = {name: _rms(row) for name, row in residuals.items()}
+    worst = max(sizes, key=lambda name: sizes[name])
+    others = [size for name, size in sizes.items() if name != worst]
+    if others and max(others) <= GOOD:
+        yield (
+            f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
+            "noise. Check its unit, sign, axes and noise, and the position of the sensor."
+        )
+    yield from _delays(measurements, parameters, predictions, residuals)
+    yield from _outliers(measurements, residuals)
+    yield from _shorter_records(measurements, residuals, horizon)
+    if len(searches) == 1 and not screened:
+        yield (
+            "Search from several starts, by starts=cj.Starts(8). If impacts make chi squared "
+            "rough, screen starts without derivatives, by starts=cj.Screening(...)."
+        )
+    else:
+        ends = [search.best.chi_squared for search in searches]
+        yield (
+            f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
+            f"{max(ends):.3g}: "
+            + (
+                "all in one minimum. The model probably lacks an effect."
+                if max(ends) < 1.01 * min(ends)
+                else "in several minima. Use more starts, or a wider spread."
+            )
+        )
+    if best.ending is Ending.EXHAUSTED:
+        number = best.evaluations
+        yield f"The search had not converged after {number} runs: increase max_iterations."
+    if not any(isinstance(one.variation, StateNumber) for one in parameters.values()):
+        yield (
+            "Estimate the initial state too, unless it is known more accurately than the noise, "
+            'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
+        )
+
+
+def _delays(
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    predictions: Mapping[str, np.ndarray],
+    residuals: Mapping[str, np.ndarray],
+) -> Iterator[str]:
+    variations = [parameter.variation for parameter in parameters.values()]
+    estimated = {name for one in variations if isinstance(one, SeriesDelay) for name in one.series}
+    for name, series in measurements.series.items():
+        if len(series) < PIECES:
+            continue
+        # A small delay adds delay * rate to the residuals. Least squares gives the delay that
+        # explains most of them.
+        rate = np.gradient(predictions[name], np.asarray(series.times)) / np.asarray(series.noise)
+        row = residuals[name]
+        power = float(rate @ rate)
+        shift = float(row @ rate) / power if power > 0.0 else 0.0
+        explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
+        if explained > MOST and _rms(row) > FAR:
+            direction = "late" if shift > 0.0 else "early"
+            remedy = (
+                "start its delay from another guess"
+                if name in estimated
+                else f"estimate its delay, by a parameter cj.Parameter.delay({name!r})"
+            )
+            yield (
+                f"Series {name!r} seems {abs(shift):.3g} s {direction}, which would explain "
+                f"{explained:.0%} of its misfit: check its clock and its trigger, or {remedy}."
+            )
+            return
+
+
+def _outliers(measurements: Measurements, residuals: Mapping[str, np.ndarray]) -> Iterator[str]:
+    rows = np.concatenate(list(residuals.values())) ** 2
+    count = max(int(FEW * len(rows)), 1)
+    largest = np.sort(rows)[::-1][:count]
+    if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
+        name, worst = max(residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
+        time = float(measurements[name].times[np.argmax(np.abs(worst))])
+        yield (
+            f"{count} of {len(rows)} samples contribute {largest.sum() / rows.sum():.0%} of chi "
+            f"squared, the worst at {time:.6g} s in {name!r}: remove outliers, or state a larger "
+            "noise for these samples. Times of impact peaks are the first to deviate."
+        )
+
+
+def _shorter_records(
+    measurements: Measurements, residuals: Mapping[str, np.ndarray], horizon: FitHorizon | None
+) -> Iterator[str]:
+    times = np.concatenate([np.asarray(s.times) for s in measurements.series.values()])
+    rows = np.concatenate([residuals[name] for name in measurements.series])
+    edges = np.linspace(times.min(), times.max(), PIECES + 1)
+    start, end = float(edges[0]), float(measurements.times()[-1])
+    # The run fits the data up to the first piece of the record with large residuals.
+    pieces = ((times >= low) & (times <= high) for low, high in zip(edges, edges[1:], strict=False))
+    bad = (k for k, inside in enumerate(pieces) if _rms(rows[inside]) > FAR)
+    until = float(edges[next(bad, PIECES)])
+    if until == start:
+        first = start + (end - start) / PIECES
+        yield (
+            "The run deviates from the data from the first samples on: fit only the data up to "
+            f"{first:.4g} s, by measurements.between({start:.4g}, {first:.4g}). If that fails "
+            "too, the scene, the initial state or a unit is wrong, not the value of a parameter."
+        )
+    elif until < end:
+        ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
+        grow = ", ".join(f"{one:.4g}" for one in ends)
+        yield (
+            f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
+            f"windows of the record, by identify(..., grow=({grow}))."
+        )
+    if horizon is None:
+        yield (
+            "Compute the longest record that a single run can fit, by "
+            "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
+        )
+    elif end > horizon.single_shot:
+        yield (
+            f"The record ends at {end:.4g} s, but a single run can fit only "
+            f"{horizon.single_shot:.4g} s: shorten the record, or fit windows that grow from this "
+            "time, by grow=[...]."
+        )
+
+
+def _rms(row: Float[np.ndarray, " N"]) -> float:
+    return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

@@ -1,16 +1,14 @@
 """Residuals, predictions minus measurements, as functions of the parameters' coordinates.
 
 A run computes values and all their derivatives together, with error control
-(`clearjoint.simulation.run.sensitivities`). `predictions` has a custom differentiation rule, so
-that `jax.linearize`, `jax.grad` and optimisers use these derivatives at the cost of one run.
-
-Runs at several coordinates are made one after the other. With derivatives, a `jax.vmap` of them
-would take longer (1.3 times with 8 runs, 3 times with 50), because the runs wait for each other at
-each sample, and would take minutes to compile.
+(`clearjoint.simulation.run.sensitivities`). Runs at several coordinates are made one after the
+other. With derivatives, a `jax.vmap` of them would take longer (1.3 times with 8 runs, 3 times with
+50), because the runs wait for each other at each sample, and would take minutes to compile.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import equinox as eqx
 import jax
@@ -22,6 +20,7 @@ from ..compilation import Compiled
 from ..fields.checks import require
 from ..fields.conversion import on_device
 from ..fields.types import ArrayLike
+from ..information import fisher_information as information
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -77,9 +76,10 @@ class Experiment(eqx.Module):
         """
         if not self.delays:
             return self._sampled(coordinates, self.times, on_device(end_time))
-        instants, end = _instants(self, on_device(coordinates), on_device(end_time))
-        sampled = self._sampled(coordinates, instants.rising, end)
-        return _delayed(self, on_device(coordinates), instants, sampled)
+        at = on_device(coordinates)
+        rising, indices, inside, end = _instants(self, at, on_device(end_time))
+        sampled = self._sampled(coordinates, rising, end)
+        return _delayed(self, at, rising, indices, inside, sampled)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
         return sampled_compiled(
@@ -102,101 +102,84 @@ class Experiment(eqx.Module):
         return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
 
 
-class _Instants(eqx.Module):
-    """Times at which a run with delays is sampled.
-
-    - `rising`: (N,) all times, s.
-    - `undelayed`: (T,) indices in `rising` of the times without delay.
-    - `at`, `before`, `after`: by number of a delay, (T,) indices in `rising` of the delayed times
-      and of times slightly earlier and later.
-    - `inside`: by number of a delay, (T,) whether the delayed times are at or after the start.
-
-    A delay's number is its index among the parameters.
-    """
-
-    rising: jax.Array
-    undelayed: jax.Array
-    at: dict[int, jax.Array]
-    before: dict[int, jax.Array]
-    after: dict[int, jax.Array]
-    inside: dict[int, jax.Array]
-
-
 @Compiled
 def _instants(
     runs: Experiment, coordinates: jax.Array, end_time: jax.Array
-) -> tuple[_Instants, jax.Array]:
-    """Return the times at which to sample a run with delays, and the end of the run, s.
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Compute the times at which to sample a run with D delays, and the end of the run.
 
     A delayed output is needed at the sample times minus its delay, and slightly before and after
     these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
 
     **Arguments:** `coordinates`: (p,); `end_time`: s, time of the last sample to compare.
+
+    **Returns:** all N times, s; indices (1 + 3 D, T) in these, in the first row of the times
+    without delay, then three rows for each delay: of the delayed times, and of times slightly
+    earlier and later; (D, T) whether the delayed times are at or after the start; end, s.
     """
-    delays = {number: runs.delay(number, coordinates) for number, _ in runs.delays}
+    delays = [runs.delay(number, coordinates) for number, _ in runs.delays]
     # A series with a negative delay is compared with the motion after its last sample.
-    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(list(delays.values()))))
+    end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
     # Samples after the end time have no weight. Their times are replaced by the end time, because
     # the run does not reach them.
     undelayed = jnp.minimum(runs.times, end_time)
-    # One row (T,) for the undelayed times, then three for each delay: at, before and after.
-    rows, inside = [undelayed], {}
-    for number, delay in delays.items():
+    rows, inside = [undelayed], []
+    for delay in delays:
         delayed = undelayed - delay
-        inside[number] = delayed >= runs.start_time
+        inside.append(delayed >= runs.start_time)
         # The run has no motion before its start and after its end.
         rows += [jnp.clip(delayed + shift, runs.start_time, end) for shift in (0.0, -APART, APART)]
     unsorted = jnp.concatenate(rows)
     order = jnp.argsort(unsorted)
     # The inverse permutation has the index of each time in the sorted array.
-    row_indices = jnp.argsort(order).reshape(len(rows), -1)
-    at, before, after = (
-        {number: row_indices[1 + 3 * k + part] for k, number in enumerate(delays)}
-        for part in range(3)
-    )
-    return _Instants(unsorted[order], row_indices[0], at, before, after, inside), end
+    indices = jnp.argsort(order).reshape(len(rows), -1)
+    return unsorted[order], indices, jnp.stack(inside), end
 
 
 @Compiled
 def _delayed(
-    runs: Experiment, coordinates: jax.Array, instants: _Instants, sampled: Sampled
+    runs: Experiment,
+    coordinates: jax.Array,
+    rising: jax.Array,
+    indices: jax.Array,
+    inside: jax.Array,
+    sampled: Sampled,
 ) -> Sampled:
     """Return outputs, (T,) each, and derivatives, (T, p) each, at the times minus their delays.
 
     Outputs are NaN at times that the run did not reach.
 
-    **Arguments:** `sampled`: the run's outputs at `instants.rising`.
+    **Arguments:** `rising`, `indices`, `inside`: from `_instants`; `sampled`: the run's outputs at
+    the `rising` times.
     """
-    delay_of = {name: number for number, names in runs.delays for name in names}
+    delay_of = {name: k for k, (_, names) in enumerate(runs.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
         output_values = jnp.where(sampled.reached, sampled.values[name], jnp.nan)
-        number = delay_of.get(name)
-        if number is None:
-            values[name] = output_values[instants.undelayed]
-            derivatives[name] = sampled.derivatives[name][instants.undelayed]
+        if name not in delay_of:
+            values[name] = output_values[indices[0]]
+            derivatives[name] = sampled.derivatives[name][indices[0]]
             continue
-        at, before, after = (
-            rows[number] for rows in (instants.at, instants.before, instants.after)
-        )
+        k = delay_of[name]
+        number = runs.delays[k][0]
+        at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
         # difference. Before the start the state is constant, so the rate is zero.
         change = output_values[after] - output_values[before]
         period = getattr(output, "period", None)
         if period is not None:
             change = change - period * jnp.round(change / period)
-        apart = instants.rising[after] - instants.rising[before]
-        rate = jnp.where(instants.inside[number], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
+        apart = rising[after] - rising[before]
+        rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.family.scales[number]
         slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
         values[name] = output_values[at]
         derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
-    # Outputs at times that were not reached are NaN, which `residuals` recognises.
-    reached = jnp.ones_like(instants.undelayed, bool)
+    # Outputs at times that were not reached are NaN, which `Samples.residuals` recognises.
     return eqx.tree_at(
         lambda run: (run.values, run.derivatives, run.reached),
         sampled,
-        (values, derivatives, reached),
+        (values, derivatives, jnp.ones_like(indices[0], bool)),
     )
 
 
@@ -274,39 +257,6 @@ def check_start(start_time: float, times: np.ndarray) -> None:
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
 
 
-@eqx.filter_custom_jvp
-def predictions(
-    coordinates: Float[np.ndarray | jax.Array, " p"], runs: Experiment, end_time: Scalar
-) -> Float[jax.Array, "S T"]:
-    """Return the S outputs at T times, (S, T), SI, in the order of `runs.names`.
-
-    Values are NaN at times that the run did not reach. The function is differentiable by the
-    coordinates (p,); `end_time`, s, is the end of the run.
-    """
-    return _arrays(runs, runs.run(coordinates, end_time))[0]
-
-
-@predictions.def_jvp
-def _predictions_along(
-    primals: tuple[ArrayLike, Experiment, Scalar], tangents: tuple[jax.Array, None, None]
-) -> tuple[jax.Array, jax.Array]:
-    coordinates, runs, end_time = primals
-    values, derivatives = _arrays(runs, runs.run(coordinates, end_time))
-    return values, derivatives @ tangents[0]
-
-
-def _arrays(runs: Experiment, run: Sampled) -> tuple[jax.Array, jax.Array]:
-    """Return values (S, T) and derivatives by the coordinates (S, T, p) of a run.
-
-    At times that the run did not reach, values are NaN and derivatives zero.
-    """
-    values = jnp.stack([run.values[name] for name in runs.names])
-    derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
-    fine = run.reached & jnp.isfinite(values)
-    derivatives = jnp.where(fine[..., None], derivatives, 0.0)
-    return jnp.where(fine, values, jnp.nan), derivatives
-
-
 class Samples(eqx.Module):
     """Measurements of S series at the T times at which any of them has a sample.
 
@@ -358,17 +308,18 @@ def samples(measurements: Measurements, count: int) -> Samples:
     return Samples(values, weights, tuple(one.period for one in series))
 
 
-def residuals(
-    coordinates: Float[np.ndarray | jax.Array, " p"],
-    runs: Experiment,
-    data: Samples,
-    end_time: Scalar,
-) -> Float[jax.Array, " M"]:
-    """Return the residuals (S T,) of all samples in standard deviations, series after series.
+SINGULAR = 1e-12
+"""Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
+raised to this value, so that the variance of an undetermined direction stays finite."""
 
-    The function is differentiable by the coordinates (p,). `end_time`, s, is the end of the run.
+
+def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
+    """Return the covariance (p, p) of estimates, from derivatives (M, p) of the residuals by the
+    coordinates.
+
+    Variances of undetermined directions are large but finite.
     """
-    return data.residuals(predictions(coordinates, runs, end_time)).ravel()
+    return information.covariance(jacobian, SINGULAR)
 
 
 @dataclass(frozen=True)
@@ -396,6 +347,11 @@ class RunMisfit:
         """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Covariance of the coordinates, (p, p), for residuals of unit variance."""
+        return parameter_covariance(self.jacobian)
+
 
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
@@ -419,6 +375,12 @@ def run_misfit(
 
 @Compiled
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
-    values, derivatives = _arrays(runs, run)
+    """Return residuals (M,) and their Jacobian (M, p), zero at times that were not
+    reached."""
+    values = jnp.stack([run.values[name] for name in runs.names])
+    derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
+    fine = run.reached & jnp.isfinite(values)
+    derivatives = jnp.where(fine[..., None], derivatives, 0.0)
     jacobian = derivatives * data.weights[..., None]
-    return data.residuals(values).ravel(), jacobian.reshape(-1, jacobian.shape[-1])
+    residuals = data.residuals(jnp.where(fine, values, jnp.nan))
+    return residuals.ravel(), jacobian.reshape(-1, jacobian.shape[-1])

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..fields.checks import require, require_names
 from ..fields.types import ArrayLike
-from ..model.drives.piecewise import PiecewiseConstant, PiecewiseLinear
+from ..model.drives.functions_of_time import PiecewiseConstant, PiecewiseLinear
 from ..quantities.base import Quantity
 from .series import Measurements, Series
 from .units import to_si

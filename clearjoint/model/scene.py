@@ -15,28 +15,13 @@ from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
-from .drives.rotation import AbstractDrive
+from .drives.drivers import AbstractDrive
 from .joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
     AbstractElement,
     AbstractForce,
 )
-
-
-def unconnected_bodies(
-    bodies: Iterable[str],
-    joints: Mapping[str, AbstractElement],
-    forces: Mapping[str, AbstractElement],
-) -> list[str]:
-    """Return the names of the bodies on which no joint and no force acts.
-
-    The list is empty for a scene without joints.
-    """
-    named = {
-        body for element in (*joints.values(), *forces.values()) for body in element.body_names()
-    }
-    return [body for body in bodies if joints and body not in named]
 
 
 def unheld_drives(
@@ -57,10 +42,7 @@ def unheld_drives(
 
 
 def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """Return the names of the bodies that chains of links connect with a body, and its own name.
-
-    A link is the names of all bodies of one joint.
-    """
+    """Return the bodies that chains of links, the names in each joint, connect with a body."""
     connected, remaining = {body}, [set(link) for link in links]
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
@@ -143,12 +125,15 @@ class Scene(AbstractReadable):
                 caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
-        for name in unconnected_bodies(self.bodies, self.joints, self.forces):
-            caution(
-                f"No joint and no force acts on body {name!r}, which moves freely: connect it, or "
-                "remove it.",
-                LooseBodyWarning,
-            )
+        elements = (*self.joints.values(), *self.forces.values())
+        connected = {body for element in elements for body in element.body_names()}
+        for name in self.bodies:
+            if self.joints and name not in connected:
+                caution(
+                    f"No joint and no force acts on body {name!r}, which moves freely: connect it, "
+                    "or remove it.",
+                    LooseBodyWarning,
+                )
         for name in unheld_drives(self.joints, self.forces):
             caution(
                 f"Drive {name!r} rotates a body about an axis that no joint holds: add a joint, "
@@ -165,10 +150,7 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the bristle laws, ``laws[joint][contact]``, by joint name and contact label.
-
-        Joints without bristle laws are left out.
-        """
+        """Return ``laws[joint][contact]`` of the joints that have bristle laws."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
@@ -200,10 +182,7 @@ def _hint_for(element: object) -> str:
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that all bodies that an element names are in the scene.
-
-    **Raises:** `ValueError` with the nearest known name; `argument` names the element.
-    """
+    """Check that all bodies that an element, named by `argument`, names are in the scene."""
     known = {GROUND, *bodies}
     for name in element.body_names():
         if name in known:

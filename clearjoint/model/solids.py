@@ -1,16 +1,14 @@
 """Mass and principal moments of homogeneous solids, from dimensions and a mass or density."""
 
 import math
-from typing import NamedTuple
 
 from jaxtyping import PyTree
 
 from ..fields.checks import (
     as_number,
-    as_shown,
     caution_outside,
-    checkable,
     require,
+    require_numbers,
     require_positive,
     require_shape,
 )
@@ -26,18 +24,12 @@ Number = PyTree
 """A number that a user passes, with or without unit, or that JAX traces; ``None`` if not given."""
 
 
-class Solid(NamedTuple):
-    """Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
-
-    mass: ArrayLike
-    moments: PyTree
+Solid = tuple[ArrayLike, PyTree]
+"""Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
 
 
 def require_one(mass: Number, density: Number) -> None:
-    """Check that exactly one of mass and density is not ``None``.
-
-    **Raises:** `ValueError` otherwise.
-    """
+    """Check that exactly one of mass and density is not ``None``."""
     given = {"mass": mass, "density": density}
     named = [name for name, value in given.items() if value is not None]
     remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
@@ -52,10 +44,13 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-    if (known := checkable(squared_diameter, length)) is not None:
-        is_slender = known[0] <= known[1] ** 2
-        remedy = "give its diameter in m, or check mass (kg) and length (m)"
-        require(is_slender, "mass", mass, "that of a rod longer than thick", remedy)
+    require_numbers(
+        lambda _, squared, length: squared <= length**2,
+        "mass",
+        (mass, squared_diameter, length),
+        "that of a rod longer than thick",
+        "give its diameter in m, or check mass (kg) and length (m)",
+    )
     return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
 
 
@@ -92,7 +87,7 @@ def box(lengths: Number, mass: Number, density: Number) -> Solid:
     sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
     mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
     a, b, c = (side**2 for side in sides)
-    return Solid(mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)]))
+    return mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)])
 
 
 def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Number) -> Solid:
@@ -105,16 +100,13 @@ def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Numb
     inner = _inner(inner_diameter, diameter)
     cubes = diameter**3 - inner**3
     mass = _mass(mass, density, math.pi * cubes / 6.0)
-    return Solid(mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3))
+    return mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3)
 
 
 def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
-    """Return a solid of revolution about the body's `axis`, "x", "y" or "z".
-
-    **Arguments:** `mass`: kg. `about`, `across`: moments about and across the axis, kg m^2.
-    """
+    """Return a solid of revolution about "x", "y" or "z" from its moments, kg m^2."""
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
-    return Solid(mass, as_numbers([about if axis == name else across for name in AXES]))
+    return mass, as_numbers([about if axis == name else across for name in AXES])
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
@@ -131,9 +123,9 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
-    if (known := checkable(inner, diameter)) is not None:
-        expected = f"less than the diameter, {as_shown(known[1])} m"
-        require(known[0] < known[1], "inner_diameter", known[0], expected, METRES)
+    expected = "less than the diameter, {1} m"
+    values = inner, diameter
+    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, METRES)
     return inner
 
 

@@ -147,7 +147,7 @@ class _Arithmetic:
 
     def has_bit(self, whole: Value, bit: int) -> Value:
         masked = self.ops.emit("and", f"i{self.suffix}", whole, self.constant(bit, "i"))
-        return self.ops.emit("int_to_bool", f"b{self.suffix}", masked)
+        return self.ops.emit("ine", f"b{self.suffix}", masked, self.constant(0, "i"))
 
     def select(self, condition: Value, yes: Value, no: Value) -> Value:
         return self.ops.emit("select", self.kind, condition, yes, no)

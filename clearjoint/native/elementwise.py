@@ -266,8 +266,7 @@ def convert(ops: Operations, kind: str, value: Value) -> Value:
         wide = ops.emit("bool_to_int", f"i{suffix}", value)
         return wide if new == "i" else ops.emit("narrow", kind, wide)
     if new == "b":
-        name = "float_to_bool" if old == "f" else "int_to_bool"
-        return ops.emit(name, kind, value)
+        return ops.emit("fne" if old == "f" else "ine", kind, value, like(ops, value, 0))
     if new == "f":
         return ops.emit("int_to_float", kind, value)
     if old == "f":

@@ -125,9 +125,9 @@ class NativeProgram:
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
         lowered = time.thread_time()
-        self.text = llvm_text(ops, "program")
+        self.text = llvm_text(ops)
         written = time.thread_time()
-        self._code = compiled(self.text, "program")
+        self._code = compiled(self.text)
         self._constants, self._size = lowering.constants, ops.cells
         self.seconds = {
             "lowering": lowered - began,

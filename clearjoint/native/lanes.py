@@ -168,9 +168,9 @@ class LaneLoop(AbstractLaneLoop):
         outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
         self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
         lowered = time.thread_time()
-        self.text = llvm_text(ops, "lanes", count)
+        self.text = llvm_text(ops, count)
         written = time.thread_time()
-        self._code = compiled(self.text, "lanes")
+        self._code = compiled(self.text)
         self._cells, self._constants = ops.cells, lowering.constants
         self.seconds = {
             "tracing": traced - began,

@@ -38,11 +38,11 @@ def _target_machine() -> llvm.TargetMachine:
 class MachineCode:
     """A compiled function of an address in memory, which can be pickled.
 
-    **Arguments:** `code`: content of an object file; `name`: name of the function in it.
+    **Arguments:** `code`: content of an object file with a function "program".
     """
 
-    def __init__(self, code: bytes, name: str):
-        self._code, self._name = code, name
+    def __init__(self, code: bytes):
+        self._code = code
 
     def __call__(self, address: int) -> int:
         """Call the function with the address of the program's memory; return its integer result."""
@@ -50,7 +50,7 @@ class MachineCode:
         return function(address)
 
     def __getstate__(self) -> dict[str, object]:
-        return {"_code": self._code, "_name": self._name}
+        return {"_code": self._code}
 
     @functools.cached_property
     def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
@@ -58,12 +58,12 @@ class MachineCode:
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
         engine.finalize_object()
-        address = engine.get_function_address(self._name)
+        address = engine.get_function_address("program")
         return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
 
 
-def compiled(text: str, name: str) -> MachineCode:
-    """Compile the function `name` of a module in LLVM's language, or load it from disk if it has
+def compiled(text: str) -> MachineCode:
+    """Compile the function "program" of a module in LLVM's language, or load it from disk if it has
     been compiled before for this processor."""
     key = hashlib.sha256("\n".join((text, *target())).encode()).hexdigest()
     store = store_of_code()
@@ -73,7 +73,7 @@ def compiled(text: str, name: str) -> MachineCode:
         if store is not None:
             with suppress(OSError):
                 store.write(key, code)
-    return MachineCode(code, name)
+    return MachineCode(code)
 
 
 def target() -> tuple[str, ...]:

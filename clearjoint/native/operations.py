@@ -11,7 +11,7 @@ import operator
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,29 +23,22 @@ KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 
 @dataclass
 class Operation:
-    """A pure operation: `out` = name(arguments)."""
+    """`out` = name(arguments), where `name` is the name of a pure operation or one of these:
 
-    out: Value
+    - "load" reads a cell: `number`, or `number` + the argument if there is one.
+    - "store" writes the first argument to the cell `number`, or `number` + the second argument.
+    - "call" executes the function `number` of the program, whose arguments and results are in
+      memory.
+
+    The last two have no result: `out` is ``None``.
+    """
+
+    out: Value | None
     name: str
-    arguments: tuple[Value, ...]
+    arguments: tuple[Value, ...] = ()
+    number: int = 0
 
-
-@dataclass
-class LoadCell:
-    """Read the cell `start` + `index`, or `start` if the index is ``None``."""
-
-    out: Value
-    start: int
-    index: Value | None
-
-
-@dataclass
-class StoreCell:
-    """Write a value to the cell `start` + `index`, or `start` if the index is ``None``."""
-
-    value: Value
-    start: int
-    index: Value | None
+    blocks = ()
 
 
 @dataclass
@@ -58,6 +51,16 @@ class Branch:
     yes_values: list[Value]
     no: "Block"
     no_values: list[Value]
+
+    @property
+    def arguments(self) -> tuple[Value, ...]:
+        """The values that the branch uses, besides those that its blocks use."""
+        return (self.condition, *self.yes_values, *self.no_values)
+
+    @property
+    def blocks(self) -> "tuple[Block, Block]":
+        """Both blocks."""
+        return self.yes, self.no
 
 
 @dataclass
@@ -74,22 +77,20 @@ class Loop:
     body: "Block"
     following: list[Value]
 
+    @property
+    def arguments(self) -> tuple[Value, ...]:
+        """The values that the loop uses, besides those that its blocks use."""
+        return (self.condition, *self.first, *self.following)
 
-@dataclass
-class Call:
-    """Execute a function of the program. Its arguments and results are in memory."""
-
-    function: int
-
-
-Entry = Operation | LoadCell | StoreCell | Branch | Loop | Call
+    @property
+    def blocks(self) -> "tuple[Block, Block]":
+        """Both blocks."""
+        return self.head, self.body
 
 
-@dataclass
-class Block:
-    """Entries in the order of their execution."""
-
-    entries: list[Entry] = field(default_factory=list)
+Entry = Operation | Branch | Loop
+Block = list[Entry]
+"""Entries in the order of their execution."""
 
 
 def _divided(a: float, b: float) -> float:
@@ -108,7 +109,6 @@ _FOLDED: dict[str, Callable] = {
     "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
     **dict.fromkeys(("int_to_float", "bool_to_float"), float),
     **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
-    **dict.fromkeys(("int_to_bool", "float_to_bool"), bool),
 }
 """Operations that are computed here if all arguments are known, rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
@@ -131,7 +131,7 @@ class Operations:
         self.kinds: list[str] = []
         self.constants: dict[Value, Number] = {}
         self.cells = 0
-        self.block = Block()
+        self.block: Block = []
         self.functions: list[Block] = []
         # The blocks around the functions that are being built, each with the number of its scope.
         self._outside: list[tuple[Block, int]] = []
@@ -203,7 +203,7 @@ class Operations:
             self._definitions[value] = name, arguments
             if self.width > 1 and all(map(self.is_uniform, arguments)):
                 self._uniform.add(value)
-            block.entries.append(Operation(value, name, arguments))
+            block.append(Operation(value, name, arguments))
         return value
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
@@ -350,18 +350,18 @@ class Operations:
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
         """Read a cell."""
-        start, index = self._address(start, index)
+        cell, arguments = self._address(start, index)
         out = self.new(kind)
-        self.block.entries.append(LoadCell(out, start, index))
+        self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
         """Write a value to a cell; within `masked`, only in lanes in which the condition holds."""
-        start, index = self._address(start, index)
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
-        self.block.entries.append(StoreCell(value, start, index))
+        cell, arguments = self._address(start, index)
+        self.block.append(Operation(None, "store", (value, *arguments), cell))
 
     @contextmanager
     def masked(self, condition: Value) -> Iterator[None]:
@@ -373,9 +373,12 @@ class Operations:
         finally:
             self._mask = outer
 
-    def _address(self, start: int, index: Value | None) -> tuple[int, Value | None]:
+    def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
+        """Return the first cell, and the index as a tuple, empty if it is known."""
         known = None if index is None else self.constants.get(index)
-        return (start, index) if known is None else (start + int(known), None)
+        if known is None:
+            return start, () if index is None else (index,)
+        return start + int(known), ()
 
     # Functions.
 
@@ -385,7 +388,7 @@ class Operations:
         Values from outside that the function uses are written to memory where it is built, and read
         by the function.
         """
-        inner, depth = Block(), len(self._outside)
+        inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
         with self.inside(inner), self._unmasked():
             build()
@@ -393,8 +396,8 @@ class Operations:
         loads: list[Entry] = []
         for value in _used(inner):
             if value not in self.constants and self._depths.get(value, 0) <= depth:
-                loads.append(LoadCell(value, self.pass_on(value), None))
-        inner.entries[:0] = loads
+                loads.append(Operation(value, "load", (), self.pass_on(value)))
+        inner[:0] = loads
         self.functions.append(inner)
         return len(self.functions) - 1
 
@@ -404,7 +407,7 @@ class Operations:
 
     def call(self, function: int) -> None:
         """Call a function."""
-        self.block.entries.append(Call(function))
+        self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
         """Write a value to a cell, in all lanes, for a function or its caller.
@@ -414,7 +417,7 @@ class Operations:
         """
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
-        self.block.entries.append(StoreCell(value, cell, None))
+        self.block.append(Operation(None, "store", (value,), cell))
         return cell
 
     def allocate_for(self, kind: str) -> int:
@@ -436,14 +439,12 @@ class Operations:
         no: Callable[[], list[Value]],
     ) -> list[Value]:
         """Add a branch and return its values; `yes` and `no` build the two blocks."""
-        blocks, values = (Block(), Block()), []
+        blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
                 values.append(build())
         outs = [self.new(self.kinds[value]) for value in values[0]]
-        self.block.entries.append(
-            Branch(condition, outs, blocks[0], values[0], blocks[1], values[1])
-        )
+        self.block.append(Branch(condition, outs, blocks[0], values[0], blocks[1], values[1]))
         return outs
 
     def loop(
@@ -454,12 +455,12 @@ class Operations:
     ) -> list[Value]:
         """Add a loop and return its carries after the last iteration."""
         carries = [self.new(self.kinds[value]) for value in first]
-        head, inner = Block(), Block()
+        head, inner = [], []
         with self.inside(head):
             condition = holds(carries)
         with self.inside(inner):
             following = body(carries)
-        self.block.entries.append(Loop(carries, first, head, condition, inner, following))
+        self.block.append(Loop(carries, first, head, condition, inner, following))
         return carries
 
     def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
@@ -477,24 +478,11 @@ class Operations:
         self.loop([zero], holds, body)
 
 
-def _used(block: Block) -> list[Value]:
+def _used(block: Block) -> dict[Value, None]:
     """Return the values that the entries of a block use, in order of their first use."""
     used: dict[Value, None] = {}
-
-    def add(*values: Value | None) -> None:
-        used.update((value, None) for value in values if value is not None)
-
-    for entry in block.entries:
-        if isinstance(entry, Operation):
-            add(*entry.arguments)
-        elif isinstance(entry, LoadCell):
-            add(entry.index)
-        elif isinstance(entry, StoreCell):
-            add(entry.value, entry.index)
-        elif isinstance(entry, Branch):
-            inner = _used(entry.yes), _used(entry.no)
-            add(entry.condition, *entry.yes_values, *entry.no_values, *inner[0], *inner[1])
-        elif isinstance(entry, Loop):
-            inner = _used(entry.head), _used(entry.body)
-            add(entry.condition, *entry.first, *entry.following, *inner[0], *inner[1])
-    return list(used)
+    for entry in block:
+        used.update(dict.fromkeys(entry.arguments))
+        for inner in entry.blocks:
+            used.update(_used(inner))
+    return used

@@ -1,6 +1,5 @@
 """A scene and its initial state as functions of parameters, and derivatives by the parameters."""
 
-import abc
 from collections.abc import Callable, Mapping
 
 import equinox as eqx
@@ -23,60 +22,7 @@ Coordinates = jax.Array | np.ndarray
 """(p,) coordinates of parameters on their scales."""
 
 
-class AbstractFamily(eqx.Module):
-    """A scene and its initial state as functions of the coordinates of p parameters.
-
-    `values`: (p,) coordinates at which `pushed` evaluates functions and their derivatives.
-    """
-
-    values: eqx.AbstractVar[Coordinates]
-
-    @abc.abstractmethod
-    def scene(self, values: Coordinates) -> Scene:
-        """Return the scene at coordinates (p,), with vectors as separate scalars."""
-
-    @abc.abstractmethod
-    def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
-
-    def pushed(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
-    ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function of the scene and its derivatives by the parameters, in forward mode.
-
-        **Arguments:**
-
-        - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
-          differentiated, and an auxiliary result, which is not.
-        - `primals`: further arguments of the function, after the scene; they may depend on the
-          parameters.
-        - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
-
-        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
-        array. Derivatives are by the coordinates, not by the values.
-        """
-
-        def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
-            return jax.jvp(
-                lambda values, *rest: function(self.scene(values), *rest),
-                (self.values, *primals),
-                (seed, *tangents),
-                has_aux=True,
-            )
-
-        count = len(self.values)
-        # One column of the identity for each parameter: vmap computes the value once for all
-        # derivatives.
-        value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
-            jnp.eye(count), tangents
-        )
-        return value, auxiliary, derivatives
-
-
-class ParametrisedScene(AbstractFamily):
+class ParametrisedScene(eqx.Module):
     """A scene and its initial state, in which p parameters set or change some of the numbers.
 
     - `values`: (p,) coordinates of the parameters on their scales.
@@ -140,6 +86,42 @@ class ParametrisedScene(AbstractFamily):
     def start(self, values: Coordinates) -> State:
         """Return the initial state at coordinates (p,), with vectors as separate scalars."""
         return unpack(self.scene_and_state(values)[1])
+
+    def pushed(
+        self,
+        function: Callable[..., tuple[PyTree, PyTree]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[PyTree, PyTree, PyTree]:
+        """Compute a function of the scene and its derivatives by the parameters, in forward mode.
+
+        **Arguments:**
+
+        - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
+          differentiated, and an auxiliary result, which is not.
+        - `primals`: further arguments of the function, after the scene; they may depend on the
+          parameters.
+        - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
+
+        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
+        array. Derivatives are by the coordinates, not by the values.
+        """
+
+        def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
+            return jax.jvp(
+                lambda values, *rest: function(self.scene(values), *rest),
+                (self.values, *primals),
+                (seed, *tangents),
+                has_aux=True,
+            )
+
+        count = len(self.values)
+        # One column of the identity for each parameter: vmap computes the value once for all
+        # derivatives.
+        value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
+            jnp.eye(count), tangents
+        )
+        return value, auxiliary, derivatives
 
 
 def parametrised(

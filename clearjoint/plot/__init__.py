@@ -1,9 +1,10 @@
 """Figures of simulated mechanisms with clearance joints.
 
 Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
-set of a sweep) into given matplotlib axes or new ones, and returns them; `fitted`, `journal_frames`
-and `report` make new figures. No function simulates or shows anything; only `animate_journal` and
-`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
+set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and returns them;
+`fitted`, `journal_frames` and `report` make new figures. No function simulates or shows anything;
+only `animate_journal` and `report` write files. Arguments are in SI units; axes have units with
+suitable prefixes.
 
 | of a run | functions |
 |---|---|
@@ -23,6 +24,22 @@ and `report` make new figures. No function simulates or shows anything; only `an
 | orbit and wear of a lane | `orbit`, `wear` |
 
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
+The argument `window` is the start and the end of the drawn time, s; by default all is drawn.
+
+**Examples** in docstrings of this module also assume these lines:
+
+>>> pendulum, hanging = cj.mechanisms.double_pendulum()
+>>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)
+>>> solution = cj.simulate(pendulum, hanging, 0.02, save=save, progress=False)
+>>> observed = cj.observe(pendulum, solution, solution.steps.between())
+>>> values = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
+>>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+>>> found = cj.sweep(scene, state, 0.5, {"stiffness": values}, speed, progress=False)
+>>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
+>>> unknown, guess = {"stiffness": stiffness}, {"stiffness": 90.0}
+>>> fit = cj.identify(scene, state, data, unknown, guess=guess, progress=False)
+>>> probe = {"probe": cj.Sensor(x, times, noise=1e-4)}
+>>> limits = cj.fit_horizon(scene, state, unknown, probe, uncertainty={"stiffness": np.log(1.5)})
 """
 
 from ..fields.readable import without_modules as _without_modules
@@ -35,11 +52,14 @@ from .fits import fitted as fitted
 from .fits import growth as growth
 from .fits import integration_error as integration_error
 from .fits import record_length as record_length
+from .forces import ContactPhase as ContactPhase
 from .forces import contact_and_reaction as contact_and_reaction
 from .forces import contact_forces as contact_forces
+from .forces import contact_phases as contact_phases
 from .forces import enclosed_energy as enclosed_energy
 from .forces import hysteresis as hysteresis
 from .forces import joint_forces as joint_forces
+from .forces import motion_timeline as motion_timeline
 from .journal import XY as XY
 from .journal import clearance_circle as clearance_circle
 from .journal import eccentricities as eccentricities
@@ -69,8 +89,5 @@ from .time_series import rate_series as rate_series
 from .time_series import series as series
 from .time_series import spectrum as spectrum
 from .time_series import spectrum_of as spectrum_of
-from .timelines import ContactPhase as ContactPhase
-from .timelines import contact_phases as contact_phases
-from .timelines import motion_timeline as motion_timeline
 
 __dir__ = _without_modules(globals(), "style")

@@ -51,10 +51,6 @@ def journal_frames(
 
     **Returns:** the figure.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
     blocks = -(-len(instants) // columns)
@@ -106,10 +102,6 @@ def animate_journal(
       `plot.eccentricity_vectors`.
     - `frames_per_second`: speed of the animation.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
     figure = Figure(figsize=(5.0, 2.9))

@@ -2,22 +2,22 @@
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 
 from ..simulation.results.observe import Observation
 from .labels import fitting_unit, time_axis
 from .style import DARK, TimeSpan, draw_lines, dress, legend_above
 
-STORED = {
+POTENTIAL = "potential, 0 at the start"
+ENERGIES = {
     "kinetic": ("kinetic",),
-    "potential, 0 at the start": ("gravity",),
+    POTENTIAL: ("gravity",),
     "elastic": ("springs", "contacts", "bristles"),
+    "dissipated": ("normal damping", "friction", "film", "stabilisation"),
+    "work of drivers and loads": ("supplied",),
 }
 """Keys of `Observation.energies` whose sum is one curve, by the curve's label in the legend."""
-DISSIPATED = ("normal damping", "friction", "film", "stabilisation")
-"""Keys of `Observation.energies` whose sum is the curve "dissipated"."""
-SUPPLIED = "supplied"
-"""Key of `Observation.energies` with the work of drivers and loads."""
+LEDGER = {*ENERGIES["dissipated"], "supplied"}
+"""Keys that only a run with an energy ledger has."""
 
 
 def energy_ledger(
@@ -39,7 +39,6 @@ def energy_ledger(
     **Arguments:**
 
     - `observation`: from `cj.observe`, of a run with `Settings(ledger=True)`.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
     - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 
     **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
@@ -55,49 +54,32 @@ def energy_ledger(
         looks = {"sharex": True, "height_ratios": (2.2, 1.0), "figsize": (6.4, 5.2)}
         axes = np.asarray(plt.subplots(2, 1, layout="constrained", **looks)[1])
     above, below = axes
-    mask, times, _ = time_axis(above, observation.times, window)
-    curves = {name: values[mask] for name, values in _curves(observation).items()}
+    energies = observation.energies
+    changes = {
+        label: np.sum([energies[name] for name in names if name in energies], axis=0)
+        for label, names in ENERGIES.items()
+        if not energies.keys().isdisjoint(names)
+    }
+    if POTENTIAL in changes:
+        changes[POTENTIAL] = changes[POTENTIAL] - changes[POTENTIAL][0]
+    mask, times, time_label = time_axis(above, observation.times, window)
+    curves = {name: values[mask] for name, values in changes.items()}
     factor, unit = fitting_unit(np.concatenate(list(curves.values())), "J")
     draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
     above.margins(x=0.0)
     legend_above(above, min(len(curves), 3), handlelength=3.0)
     dress(above, "", f"energy, {unit}")
-    _draw_drift(observation, window, below)
-    return axes
-
-
-def _curves(observation: Observation) -> dict[str, np.ndarray]:
-    """Return the curves of the upper axes, (N,) J, by their label in the legend."""
-    energies = observation.energies
-    curves = {label: _sum(observation, names) for label, names in STORED.items()}
-    known = {label: values for label, values in curves.items() if values is not None}
-    if "potential, 0 at the start" in known:
-        known["potential, 0 at the start"] = energies["gravity"] - energies["gravity"][0]
-    if (dissipated := _sum(observation, DISSIPATED)) is not None:
-        known["dissipated"] = dissipated
-    if SUPPLIED in energies:
-        known["work of drivers and loads"] = np.asarray(energies[SUPPLIED])
-    return known
-
-
-def _sum(observation: Observation, names: tuple[str, ...]) -> np.ndarray | None:
-    """Return the sum (N,), J, of the named energies that were observed, None if there are none."""
-    energies = observation.energies
-    known = [np.asarray(energies[name]) for name in names if name in energies]
-    return np.sum(known, axis=0) if known else None
-
-
-def _draw_drift(observation: Observation, window: TimeSpan | None, axes: Axes) -> None:
-    mask, times, time_label = time_axis(axes, observation.times, window)
-    has_ledger = any(name in observation.energies for name in (*DISSIPATED, SUPPLIED))
+    time_axis(below, observation.times, window)
     drift = np.asarray(observation.ledger_residual())[mask]
     factor, unit = fitting_unit(drift, "J")
-    axes.plot(times, drift * factor, color=DARK, linewidth=1.0)
-    axes.margins(x=0.0)
-    largest_change = max(np.ptp(values) for values in _curves(observation).values())
+    below.plot(times, drift * factor, color=DARK, linewidth=1.0)
+    below.margins(x=0.0)
+    has_ledger = not energies.keys().isdisjoint(LEDGER)
+    largest_change = max(np.ptp(values) for values in changes.values())
     if has_ledger and largest_change > 0.0:
         share = np.abs(drift).max(initial=0.0) / largest_change
         text = f"at most {share:.1g} of the largest change above"
-        axes.set_title(text, fontsize="small", loc="right")
+        below.set_title(text, fontsize="small", loc="right")
     label = "drift" if has_ledger else "mechanical,\nsince start"
-    dress(axes, time_label, f"{label}, {unit}")
+    dress(below, time_label, f"{label}, {unit}")
+    return axes

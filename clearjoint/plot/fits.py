@@ -66,15 +66,6 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
     **Raises:** `ValueError` for unknown names of series.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     guess={"stiffness": 90.0},
-    ...     progress=False,
-    ... )
     >>> axes = plot.fitted(fit)
     """
     names = list(fit.measurements.series) if series is None else list(series)
@@ -128,15 +119,6 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
 
     **Returns:** the axes. Rows and columns are the p parameters; numbers are between -1 and 1.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     guess={"stiffness": 90.0},
-    ...     progress=False,
-    ... )
     >>> axes = plot.correlations(fit)
     """
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
@@ -167,8 +149,7 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     **Returns:** the axes; duration of the measurement in ms, standard deviation on a logarithmic
     scale.
 
-    >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
+    >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
     """
     axes = axes_or_new(axes)
@@ -198,14 +179,6 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Returns:** the axes; time in ms, displacements in m on a logarithmic scale.
 
-    >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.fit_horizon(
-    ...     scene,
-    ...     state,
-    ...     {"stiffness": stiffness},
-    ...     {"probe": probe},
-    ...     uncertainty={"stiffness": np.log(1.5)},
-    ... )
     >>> axes = plot.growth(limits)
     """
     axes = axes_or_new(axes)
@@ -233,14 +206,6 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Returns:** the axes; time in ms, errors on a logarithmic scale.
 
-    >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.fit_horizon(
-    ...     scene,
-    ...     state,
-    ...     {"stiffness": stiffness},
-    ...     {"probe": probe},
-    ...     uncertainty={"stiffness": np.log(1.5)},
-    ... )
     >>> axes = plot.integration_error(limits)
     """
     axes = axes_or_new(axes)

@@ -1,16 +1,19 @@
-"""Draw normal forces of contacts over time and over the penetration."""
+"""Draw forces of contacts over time and over the penetration, and their phases over time."""
+
+import enum
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import Observation
+from ..simulation.results.observe import ContactObservation, Observation
 from . import observed
 from .labels import fitting_unit, time_axis, time_unit
-from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
+from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
 
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
 """An axis becomes logarithmic if the largest force exceeds the first number times the median of the
@@ -36,23 +39,19 @@ def contact_and_reaction(
     - `observation`: from `cj.observe`, at instants that resolve the impact.
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
 
     **Raises:** `ValueError` for unknown names.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
     axes = axes_or_new(axes)
     in_window = inside(observation.times, window)
     force = observed.contact(observation, *contact).normal_force[in_window]
-    load = np.linalg.norm(observed.reaction(observation, *reaction).force[in_window], axis=1)
+    reactions = observed.named("joint", reaction[0], observation.reactions)
+    load = observed.named("body", reaction[1], reactions).force[in_window]
+    load = np.linalg.norm(load, axis=1)
     largest = np.array([force.max(), load.max()])
     factor, unit = fitting_unit(largest, "N")
     time_factor, time = time_unit(observation.times, window)
@@ -85,20 +84,14 @@ def contact_forces(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `joint`: name of the clearance joint.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if one peak is so large that the other forces would be invisible on
       a linear axis.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a name that is not one of a joint with contacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
@@ -117,16 +110,12 @@ def joint_forces(
     """Draw one curve over time for each joint with contacts: the largest of the normal forces of
     its contacts at each instant.
 
-    **Arguments:** `observation`, `window`, `logarithmic`, `axes`: see `contact_forces`.
+    **Arguments:** `observation`, `logarithmic`: see `contact_forces`.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a scene without contacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.joint_forces(observed)
     """
     observed.require_contacts(observation)
@@ -183,10 +172,9 @@ def _rescale(
     # Samples are dense where steps are short: each force counts by the time for which it acts.
     weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
     values = np.concatenate(curves)
-    order = np.argsort(values)
-    order = order[values[order] > 0.0]
+    acting = values > 0.0
     # The median over time of the forces in contact.
-    usual = values[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights[order].sum())]
+    usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
     largest = peaks.max()
     has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
     if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
@@ -197,8 +185,7 @@ def _rescale(
 
 def _peaks(values: np.ndarray) -> np.ndarray:
     """Return the largest value in each interval of successive positive values of `values` (N,)."""
-    ends = np.flatnonzero(np.diff(np.pad(values > 0.0, 1).astype(int)))
-    return np.array([values[first:last].max() for first, last in ends.reshape(-1, 2)])
+    return np.array([values[first:last].max() for first, last in observed.spans(values > 0.0)])
 
 
 def hysteresis(
@@ -214,17 +201,12 @@ def hysteresis(
       impacts.
     - `impacts`: impacts of one contact, from `Impacts.of`.
     - `count`: number of impacts to draw, from the first one on.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
     **Raises:** `ValueError` if `impacts` is empty, or if fewer than three observed instants lie in
     one of the drawn impacts.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
     remedy = "take another contact, or a longer run"
@@ -258,10 +240,6 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
     **Raises:** `ValueError` if fewer than three observed instants lie in the impact.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> impacts = solution.impacts.of("shoulder", "V")
     >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
     True
@@ -280,3 +258,144 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
     require(samples >= 3, "observation", samples, "of three or more instants in the impact", remedy)
     depth = np.maximum(contact.penetration[in_impact], 0.0)
     return np.pad(depth, 1), np.pad(contact.normal_force[in_impact], 1)
+
+
+class ContactPhase(enum.IntEnum):
+    """Phase of a joint with clearance: free flight, a short impact, or following, in which the
+    journal stays at the wall. If contacts of the joint differ, the phase with the largest number
+    counts.
+
+    >>> plot.ContactPhase(1).name
+    'IMPACT'
+    >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name
+    'FOLLOWING'
+    """
+
+    FREE_FLIGHT = 0
+    IMPACT = 1
+    FOLLOWING = 2
+
+
+BAR_STYLES = {
+    ContactPhase.FREE_FLIGHT: (0.12, {"facecolor": "0.8", "edgecolor": "0.8"}),
+    ContactPhase.IMPACT: (0.80, {"facecolor": DARK, "edgecolor": DARK, "linewidth": 0.8}),
+    ContactPhase.FOLLOWING: (
+        0.45,
+        {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"},
+    ),
+}
+"""Height of a phase's bar as a fraction of a joint's row, and the bar's matplotlib style: phases
+differ by height, grey value and hatching."""
+
+
+def contact_phases(observation: Observation, joint: str) -> np.ndarray:
+    """Return the phase of a joint at each instant, (N,) `ContactPhase` numbers.
+
+    A contact with a single compression and restitution is an impact. If the bodies approach again
+    before they separate, or if the contact lasts to the end of the observation, the phase is impact
+    up to the first maximum of the penetration, and following from there on. A contact at the first
+    instant is following. If contacts of the joint differ, following has priority over impact, and
+    impact over free flight.
+
+    **Arguments:**
+
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
+    - `joint`: name of a joint with contacts.
+
+    **Raises:** `ValueError` for the name of a joint without contacts.
+
+    **Source:** P. Flores and others 2006, except the limit between impact and following.
+
+    >>> phases = plot.contact_phases(observed, "shoulder")
+    >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
+    'FREE_FLIGHT'
+    >>> share = np.mean(phases == plot.ContactPhase.FOLLOWING)
+    """
+    contacts = observed.contacts(observation, joint)
+    return np.max([_phases(contact) for contact in contacts.values()], axis=0)
+
+
+def _phases(contact: ContactObservation) -> np.ndarray:
+    """Return the phases (N,) of a single contact, by the rules of `contact_phases`."""
+    touching = np.asarray(contact.penetration) > 0.0
+    approaching = np.asarray(contact.penetration_rate) > 0.0
+    phases = np.where(touching, ContactPhase.IMPACT, ContactPhase.FREE_FLIGHT)
+    for begin, end in observed.spans(touching):
+        deepest = begin + int(np.argmin(np.append(approaching[begin:end], False)))
+        if begin == 0:
+            phases[begin:end] = ContactPhase.FOLLOWING
+        elif end == len(touching) or approaching[deepest:end].any():
+            phases[deepest:end] = ContactPhase.FOLLOWING
+    return phases
+
+
+def motion_timeline(
+    observation: Observation,
+    joints: tuple[str, ...] | None = None,
+    *,
+    window: TimeSpan | None = None,
+    axes: Axes | None = None,
+) -> Axes:
+    """Draw when each clearance joint is in free flight, in impact, or following the wall.
+
+    `plot.contact_phases` defines the three phases. The numbers on the right of each row are the
+    percentages of the drawn time in free flight, in impact and in following, in this order.
+
+    **Arguments:**
+
+    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
+      impacts.
+    - `joints`: names of joints, from top to bottom; by default all with contacts.
+
+    **Returns:** the axes; time in ms or s, a row for each joint.
+
+    **Raises:** `ValueError` for a scene without contacts.
+
+    >>> axes = plot.motion_timeline(observed)
+    """
+    observed.require_contacts(observation)
+    names = tuple(observation.contacts) if joints is None else joints
+    axes = axes_or_new(axes, (6.4, 1.3 + 0.45 * len(names)))
+    times = np.asarray(observation.times)
+    first, last = (times[0], times[-1]) if window is None else window
+    factor, unit = time_unit(times, window)
+    for row, name in enumerate(names):
+        phases = contact_phases(observation, name)
+        starts, lengths, kinds = _intervals(times, phases, (first, last))
+        for phase, (height, look) in BAR_STYLES.items():
+            of_phase = kinds == phase
+            bars = [*zip(factor * starts[of_phase], factor * lengths[of_phase], strict=True)]
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
+        total = max(lengths.sum(), np.finfo(float).tiny)
+        shares = [100.0 * lengths[kinds == phase].sum() / total for phase in BAR_STYLES]
+        text = " / ".join(f"{share:.0f}" for share in shares) + " %"
+        look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
+        axes.text(1.01, row, text, **look)
+    look = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
+    axes.text(1.01, 1.02, "shares of the time", **look)
+    axes.set_yticks(range(len(names)), [shown(name) for name in names])
+    axes.set_xlim(first * factor, last * factor)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
+    legend_above(axes, 3, handles=samples)
+    dress(axes, f"time, {unit}", "")
+    axes.grid(False, axis="y")
+    return axes
+
+
+def _phase_name(phase: ContactPhase) -> str:
+    return phase.name.replace("_", " ").lower()
+
+
+def _intervals(
+    times: np.ndarray, phases: np.ndarray, window: TimeSpan
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the starts and lengths, s, and the phases of the M successive intervals of constant
+    phase in a window, (M,) each, from the phases (N,) at times (N,), s."""
+    changes = np.flatnonzero(np.diff(phases)) + 1
+    rows = np.concatenate([[0], changes])
+    starts = np.clip(times[rows], *window)
+    ends = np.clip(np.append(times[changes], times[-1]), *window)
+    in_window = ends > starts
+    return starts[in_window], (ends - starts)[in_window], phases[rows][in_window]

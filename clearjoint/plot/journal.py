@@ -57,16 +57,11 @@ def eccentricities(
     - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m, drawn as a horizontal line; above the line a base touches
       the wall. By default the clearance of the observed joint.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
     **Raises:** `ValueError` for the name of a joint without a journal.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
-    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes)
@@ -112,12 +107,8 @@ def eccentricity_vectors(
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
-    >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape
-    (2001, 2)
+    >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
+    2
     """
     observed = contact(observation, joint, base)
     if section is None:
@@ -149,17 +140,12 @@ def journal_orbit(
     - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m; by default the clearance of the observed joint.
     - `section`: directions that are drawn to the right and upwards, see `eccentricity_vectors`.
-    - `window`: start and end of the drawn time, s; by default the whole observation.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
-    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
@@ -195,9 +181,6 @@ def orbit_in_contact(
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
-    >>> observed = cj.observe(scene, solution, solution.steps.between())
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
@@ -288,7 +271,6 @@ def orbit(
     - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
       both in m, such as those of `quantities.JournalOffset`.
     - `window`: start and end of the drawn time, s; by default all saved times.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
     dot marks the start.

@@ -10,12 +10,12 @@ from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..simulation.results.observe import Observation
 from ..simulation.results.solution import Trajectory
-from .observed import acceleration_of, centre_of
+from .observed import named
 from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show
 
 Curve = tuple[np.ndarray, np.ndarray]
 """Angles (N,), rad, and values (N,)."""
-COMPONENTS = {"X": 0, "Y": 1, "Z": 2}
+COMPONENTS = ("X", "Y", "Z")
 
 
 def position(
@@ -34,21 +34,16 @@ def position(
       legend; later curves cover earlier ones.
     - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: start and end of the drawn time, s; by default all times.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in s, position in m.
 
     **Raises:** `ValueError` for an unknown body or component.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
+    axis = _number(component)
     curves = {
-        label: (trajectory.times, centre_of(trajectory, body)[:, _number(component)])
+        label: (trajectory.times, named("body", body, trajectory.states.bodies).position[:, axis])
         for label, trajectory in trajectories.items()
     }
     label = f"{component}-position of {shown(body)}'s centre, m"
@@ -73,21 +68,16 @@ def acceleration(
       missed.
     - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: start and end of the drawn time, s; by default all times.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
 
     **Raises:** `ValueError` for an unknown body or component.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
+    axis = _number(component)
     curves = {
-        label: (observation.times, acceleration_of(observation, body)[:, _number(component)])
+        label: (observation.times, named("body", body, observation.accelerations).linear[:, axis])
         for label, observation in observations.items()
     }
     return dress(
@@ -115,23 +105,19 @@ def path(
     - `body`: name of the body.
     - `plane`: the two global coordinates, "X", "Y" or "Z", that are drawn to the right and upwards.
     - `window`: start and end of the drawn time, s; by default the whole trajectories.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
     drawn; `axes.legend()` adds one.
 
     **Raises:** `ValueError` for an unknown body or coordinate.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
     axes = axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)
     for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
-        centre = centre_of(trajectory, body)[inside(np.asarray(trajectory.times), window)]
+        in_window = inside(np.asarray(trajectory.times), window)
+        centre = named("body", body, trajectory.states.bodies).position[in_window]
         look = {"color": colour, "linestyle": style, "linewidth": 1.3}
         axes.plot(centre[:, right], centre[:, up], label=label, **look)
         axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
@@ -154,7 +140,6 @@ def over_angle(
       ones.
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; angle in degrees, ticks at quarter turns.
 
@@ -186,6 +171,6 @@ def _over_time(
 
 
 def _number(component: str) -> int:
-    known = tuple(COMPONENTS)
-    require(component in known, "component", component, f"one of {known}", "name one of them")
-    return COMPONENTS[component]
+    expected = f"one of {COMPONENTS}"
+    require(component in COMPONENTS, "component", component, expected, "name one of them")
+    return COMPONENTS.index(component)

@@ -1,26 +1,24 @@
 """Look up contacts, reactions and bodies of an observation by name."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.results.observe import ContactObservation, Load, Observation
-from ..simulation.results.solution import Trajectory
+from ..fields.suggestions import nearest
+from ..simulation.results.observe import ContactObservation, Observation
 
+T = TypeVar("T")
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
 """Two curves count as equal if they differ at each point by at most the first number times the
 value there plus the second number times the largest value of all curves."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Return the observations of all contacts of a joint, by the contacts' labels.
-
-    **Raises:** `ValueError` that lists the known names.
-    """
-    _require_known("joint", joint, observation.contacts)
-    return observation.contacts[joint]
+    """Return the observations of all contacts of a joint, by the contacts' labels."""
+    return named("joint", joint, observation.contacts)
 
 
 def require_contacts(observation: Observation) -> None:
@@ -30,42 +28,14 @@ def require_contacts(observation: Observation) -> None:
 
 
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
-    """Return the observation of one contact of a joint.
-
-    **Raises:** `ValueError` that lists the known names.
-    """
-    by_name = contacts(observation, joint)
-    _require_known("contact", label, by_name)
-    return by_name[label]
+    """Return the observation of one contact of a joint."""
+    return named("contact", label, contacts(observation, joint))
 
 
-def reaction(observation: Observation, joint: str, body: str) -> Load:
-    """Return the force (N, 3), N, global, and the moment (N, 3), N m, about the centre of mass in
-    body axes, of an ideal joint on a body.
-
-    **Raises:** `ValueError` that lists the known names.
-    """
-    _require_known("joint", joint, observation.reactions)
-    _require_known("body", body, observation.reactions[joint])
-    return observation.reactions[joint][body]
-
-
-def acceleration_of(observation: Observation, body: str) -> np.ndarray:
-    """Return the acceleration of a body's centre of mass, (N, 3) in global axes, m/s^2.
-
-    **Raises:** `ValueError` that lists the known names.
-    """
-    _require_known("body", body, observation.accelerations)
-    return np.asarray(observation.accelerations[body].linear)
-
-
-def centre_of(trajectory: Trajectory, body: str) -> np.ndarray:
-    """Return the position of a body's centre of mass, (N, 3) in global axes, m.
-
-    **Raises:** `ValueError` that lists the known names.
-    """
-    _require_known("body", body, trajectory.states.bodies)
-    return np.asarray(trajectory.states.bodies[body].position)
+def spans(mask: np.ndarray) -> np.ndarray:
+    """Return the first index of each interval in which a mask (N,) is true, and the one after its
+    last, (M, 2)."""
+    return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
@@ -94,7 +64,11 @@ def _joined(names: list[str]) -> str:
     return " and ".join(map(shown, names))
 
 
-def _require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Raise `ValueError` with the known names unless `name` is among them."""
-    expected = f"one of those observed, {sorted(known)}"
-    require(name in known, argument, name, expected, "correct the name")
+def named(argument: str, name: str, family: Mapping[str, T]) -> T:
+    """Return the entry of a dictionary with a name.
+
+    **Raises:** `ValueError` that lists the known names.
+    """
+    expected = f"one of those observed, {sorted(family)}"
+    require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
+    return family[name]

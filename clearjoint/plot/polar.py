@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
+from scipy.stats import binned_statistic
 
 from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
@@ -53,10 +54,6 @@ def contact_rose(
     **Raises:** `ValueError` for a joint without a journal, an unknown weight, and axes that are not
     polar.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> save = cj.Saving(np.linspace(0, 0.02, 2001), impacts=True)
-    >>> solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
-    >>> observed = cj.observe(scene, solution)
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
     observed_clearance(observation, joint)  # checks that the joint has a journal
@@ -93,16 +90,15 @@ def _weights(
     **Returns:** (sectors,), in the order of the angle of the eccentricity.
     """
     x, y = eccentricity_vectors(observation, joint, base, section).T
-    angle = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # in full turns
-    sector = np.minimum((angle * sectors).astype(int), sectors - 1)
-    force, weights = np.asarray(contact(observation, joint, base).normal_force), np.zeros(sectors)
-    if weight == "force":
-        np.maximum.at(weights, sector, force)
-    else:
+    turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
+    values = np.asarray(contact(observation, joint, base).normal_force)
+    if weight == "impulse":
         # Trapezoidal rule: each instant has half of the interval before it and after it.
         halves = 0.5 * np.diff(observation.times)
-        np.add.at(weights, sector, force * (np.append(halves, 0.0) + np.append(0.0, halves)))
-    return weights
+        values = values * (np.append(halves, 0.0) + np.append(0.0, halves))
+    kind = "sum" if weight == "impulse" else "max"
+    binned = binned_statistic(turns, values, kind, sectors, range=(0.0, 1.0)).statistic
+    return np.nan_to_num(binned)  # sectors without contact have no largest force
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:

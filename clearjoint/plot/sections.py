@@ -32,7 +32,6 @@ def poincare_map(
 
     - `x`, `y`: (N,) coordinates of the points in the order of time, in any units.
     - `labels`: texts of the horizontal and the vertical axis, with units.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on.
 
@@ -74,7 +73,6 @@ def poincare_section(
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
     points are darker; a colour bar gives their number.
@@ -115,7 +113,7 @@ def poincare_section_of_lane(
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
     - `section`: name of the `Section`.
     - `channels`: names of the section's channels that are drawn to the right and upwards.
-    - `after`, `clearance`, `axes`: see `plot.poincare_section`.
+    - `after`, `clearance`: see `plot.poincare_section`.
 
     **Returns:** the axes, see `plot.poincare_section`.
 
@@ -209,7 +207,6 @@ def bifurcation(
     - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
     - `number`: whether colours show the numbers of the crossings, from 1 on, for motions that do
       not repeat.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes. An axis is logarithmic if its largest value exceeds 12 times its smallest
     one.

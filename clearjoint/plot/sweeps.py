@@ -1,7 +1,5 @@
 """Draw outputs of a sweep over one or two of its parameters."""
 
-from typing import TypedDict
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -127,10 +125,6 @@ def against(
     **Raises:** `ValueError` for unknown names, for an output that is not one number for each value
     of the parameter, and for axes with another unit.
 
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> axes = {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
     >>> drawn = plot.against(found, "speed")
     """
     axis = only_axis(dataset, axis)
@@ -191,16 +185,7 @@ def running_median(
     return x, y
 
 
-class Fill(TypedDict):
-    """Arguments of a matplotlib patch: colours of the area and of its hatching, and the hatching's
-    pattern."""
-
-    facecolor: str
-    edgecolor: str
-    hatch: str
-
-
-MISSING = Fill(facecolor="0.85", edgecolor="0.55", hatch="////")
+MISSING = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
 
 
 def parameter_map(
@@ -216,7 +201,6 @@ def parameter_map(
       each of them.
     - `variable`: name of the output.
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes. Colours and axes are logarithmic if the largest value exceeds 12 times
     the smallest one; axes also if the values of the parameter form a geometric series.
@@ -243,7 +227,8 @@ def parameter_map(
     axes.patch.set(**MISSING)
     missing = int((values != values).sum())
     if missing:
-        patch = Patch(**MISSING, label=f"failed or pending: {missing}")
+        patch = Patch(label=f"failed or pending: {missing}")
+        patch.set(**MISSING)
         legend_above(axes, handles=[patch])
     dress(axes, x_data.label, y_data.label)
     axes.grid(False)
@@ -283,10 +268,6 @@ def convergence(
 
     **Raises:** `ValueError` for unknown names, and for fewer than two positive values to fit.
 
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> axes = {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
     >>> drawn = plot.convergence(found, "speed")
     """
     axis = only_axis(dataset, axis)
@@ -317,10 +298,6 @@ def power_law_exponent(
 
     **Raises:** `ValueError` for fewer than two positive values.
 
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> axes = {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500
     """

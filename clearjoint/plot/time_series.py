@@ -49,7 +49,7 @@ def series(
     """
     trajectory = trajectory_of(solution, trajectory)
     values = values_along(scene, solution, quantity, trajectory)
-    return _labelled(
+    return labelled(
         np.asarray(trajectory.times), values, name_of(quantity), unit_of(quantity, unit)
     )
 
@@ -81,7 +81,7 @@ def rate_series(
     rates = rates_along(scene, solution, quantity, trajectory)
     unit = unit_of(quantity, unit)
     times = np.asarray(trajectory.times)
-    return _labelled(times, rates, f"rate of {name_of(quantity)}", _over_seconds(unit))
+    return labelled(times, rates, f"rate of {name_of(quantity)}", _over_seconds(unit))
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
@@ -128,7 +128,8 @@ def _over_seconds(unit: str) -> str:
     return f"{base}/s^{int(power.removeprefix('^') or 1) + 1}"
 
 
-def _labelled(times: np.ndarray, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
+def labelled(times: np.ndarray, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
+    """Return values (N,) in an SI unit over times (N,), s, as an array with a name."""
     coordinate = xr.DataArray(times, dims="time", attrs={"units": "s"})
     return xr.DataArray(values, {"time": coordinate}, ("time",), name=name, attrs={"units": unit})
 
@@ -151,8 +152,6 @@ def phase_portrait(
     - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
     - `quantity`: function of positions, such as an angle, a position or a penetration. Its time
       derivative follows from the equations of motion.
-    - `window`: start and end of the drawn time, s; by default all times.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
     Angles continue beyond a full turn.
@@ -185,7 +184,6 @@ FEWEST = 4
 UNEVEN = 1e-6
 """Intervals between samples count as equal if none differs by more than this fraction of their
 mean."""
-NO_UNIT = "1"
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
@@ -215,29 +213,23 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     (50.0, 0.1)
     """
     times = record["time"].values
-    frequency, amplitude = _spectrum(np.asarray(record.values, float), times, taper)
-    coordinate = xr.DataArray(frequency, dims="frequency", attrs={"units": "Hz"})
-    where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", NO_UNIT)}
-    return xr.DataArray(amplitude, where, ("frequency",), name=record.name, attrs=attrs)
-
-
-def _spectrum(values: np.ndarray, times: np.ndarray, taper: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (N // 2,), Hz, without zero, and amplitudes (N // 2,) of values (N,) at
-    times (N,), s."""
     remedy = "save more states"
     require(len(times) >= FEWEST, "record", len(times), f"at least {FEWEST} samples", remedy)
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
     remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
     require(is_even(intervals), "record", shown, "sampled at equal intervals of time", remedy)
-    interval = float(intervals.mean())
+    values, rate = np.asarray(record.values, float), 1.0 / float(intervals.mean())
     frequency, power = signal.periodogram(
-        values, 1.0 / interval, taper, detrend="constant", scaling="spectrum"
+        values, rate, taper, detrend="constant", scaling="spectrum"
     )
     sides = np.full(len(power), 2.0)  # amplitude² / power; the Nyquist frequency has one side
     if len(values) % 2 == 0:
         sides[-1] = 1.0
-    return frequency[1:], np.sqrt(sides * power)[1:]
+    coordinate = xr.DataArray(frequency[1:], dims="frequency", attrs={"units": "Hz"})
+    where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", "1")}
+    amplitude = np.sqrt(sides * power)[1:]
+    return xr.DataArray(amplitude, where, ("frequency",), name=record.name, attrs=attrs)
 
 
 def is_even(intervals: np.ndarray) -> bool:
@@ -265,7 +257,6 @@ def spectrum(
       intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
       at wrong frequencies below it (aliasing).
     - `taper`: see `plot.amplitude_spectrum`.
-    - `axes`: axes to draw on; new ones by default.
 
     **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
     prefix, on a logarithmic scale.

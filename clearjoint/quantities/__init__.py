@@ -21,14 +21,12 @@ compare by value, so that equal quantities don't recompile.
 
 from ..fields.readable import without_modules as _without_modules
 from .accelerometer import AccelerometerReading as AccelerometerReading
-from .angular_motion import AngularAcceleration as AngularAcceleration
-from .angular_motion import AngularVelocity as AngularVelocity
-from .angular_motion import JointAngularAcceleration as JointAngularAcceleration
-from .angular_motion import JointAngularVelocity as JointAngularVelocity
 from .base import AbstractQuantity as AbstractQuantity
 from .base import Component as Component
 from .bodies import Acceleration as Acceleration
 from .bodies import Angle as Angle
+from .bodies import AngularAcceleration as AngularAcceleration
+from .bodies import AngularVelocity as AngularVelocity
 from .bodies import Distance as Distance
 from .bodies import PointAcceleration as PointAcceleration
 from .bodies import PointPosition as PointPosition
@@ -42,6 +40,8 @@ from .joints import EntrySpeed as EntrySpeed
 from .joints import FilmForce as FilmForce
 from .joints import FrictionForce as FrictionForce
 from .joints import JointAngle as JointAngle
+from .joints import JointAngularAcceleration as JointAngularAcceleration
+from .joints import JointAngularVelocity as JointAngularVelocity
 from .joints import JournalOffset as JournalOffset
 from .joints import Multiplier as Multiplier
 from .joints import Penetration as Penetration

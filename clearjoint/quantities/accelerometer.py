@@ -19,7 +19,7 @@ from ..fields.types import TripleLike
 from ..math.rotations import unit
 from ..math.vectors import Scalar
 from ..model.bodies import Body, BodyState, State, body_state
-from ..model.forces.springs_and_loads import SpringDamper
+from ..model.forces import SpringDamper
 from ..model.joints.ideal import PrismaticJoint
 from ..model.scene import Scene
 from .base import AbstractQuantity, require_known

@@ -112,22 +112,30 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
         require(False, argument, name, expected, remedy)
 
 
-def require_component(component: str | None, *, magnitude: bool = False) -> None:
-    """Check that a component is "x", "y" or "z", or ``None`` if `magnitude` is true.
+def require_choice(argument: str, value: str | None, allowed: tuple[str | None, ...]) -> None:
+    """Check that a value is one of those allowed.
 
     **Raises:** `ValueError` otherwise.
     """
-    allowed = ("x", "y", "z", None) if magnitude else ("x", "y", "z")
-    require(component in allowed, "component", component, f"one of {allowed}", "pass one of these")
+    require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
 
 
-def require_axes(axes: str) -> None:
-    """Check that `axes` is "global" or "body".
+def as_component(value: Component) -> Component:
+    """Return a component, after a check that it is "x", "y" or "z"."""
+    require_choice("component", value, ("x", "y", "z"))
+    return value
 
-    **Raises:** `ValueError` otherwise.
-    """
-    known = ("global", "body")
-    require(axes in known, "axes", axes, f"one of {known}", "pass one of these")
+
+def component_or_none(value: Component | None) -> Component | None:
+    """Return a component, after a check that it is "x", "y", "z" or ``None``."""
+    require_choice("component", value, ("x", "y", "z", None))
+    return value
+
+
+def as_axes(value: Axes) -> Axes:
+    """Return the name of axes, after a check that it is "global" or "body"."""
+    require_choice("axes", value, ("global", "body"))
+    return value
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:

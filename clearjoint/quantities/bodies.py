@@ -17,11 +17,12 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    as_axes,
+    as_component,
     component_or_magnitude,
+    component_or_none,
     numbers,
     optional_numbers,
-    require_axes,
-    require_component,
     require_known,
 )
 from .instant import Instant
@@ -33,7 +34,7 @@ class AbstractBodyQuantity(AbstractQuantity):
     `applies_to_ground` states whether `body` may be the ground.
     """
 
-    body: eqx.AbstractVar[str]
+    body: str = eqx.field(static=True)
     applies_to_ground: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
@@ -51,17 +52,12 @@ class Position(AbstractBodyQuantity):
 
     **Arguments:** `body`: its name. `component`: "x", "y" or "z".
 
-    >>> height = cj.quantities.Position("arm 3", "z")
-    >>> height.unit
+    >>> cj.quantities.Position("arm 3", "z").unit
     'm'
     """
 
-    body: str = eqx.field(static=True)
-    component: Component = eqx.field(static=True)
+    component: Component = eqx.field(static=True, converter=as_component)
     unit: ClassVar[str | None] = "m"
-
-    def __check_init__(self):
-        require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the global coordinate of the centre of mass, m."""
@@ -73,17 +69,12 @@ class Velocity(AbstractBodyQuantity):
 
     **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
 
-    >>> quantity = cj.quantities.Velocity("arm 3", "y")
-    >>> quantity.unit
+    >>> cj.quantities.Velocity("arm 3", "y").unit
     'm/s'
     """
 
-    body: str = eqx.field(static=True)
-    component: Component | None = eqx.field(default=None, static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s"
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the velocity of the centre of mass, m/s."""
@@ -95,18 +86,13 @@ class Acceleration(AbstractBodyQuantity):
 
     **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
 
-    >>> quantity = cj.quantities.Acceleration("arm 3", "y")
-    >>> quantity.unit
+    >>> cj.quantities.Acceleration("arm 3", "y").unit
     'm/s^2'
     """
 
-    body: str = eqx.field(static=True)
-    component: Component | None = eqx.field(default=None, static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the acceleration of the centre of mass, m/s^2."""
@@ -116,7 +102,7 @@ class Acceleration(AbstractBodyQuantity):
 class AbstractPointQuantity(AbstractBodyQuantity):
     """Base class of quantities of a point of a body; `point` is (3,) m in body axes."""
 
-    point: eqx.AbstractVar[tuple[float, ...]]
+    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
 
     def __check_init__(self):
         require_point("point", self.point)
@@ -131,18 +117,12 @@ class PointPosition(AbstractPointQuantity):
     - `point`: (3,) m in body axes.
     - `component`: "x", "y" or "z".
 
-    >>> tip = cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y")
-    >>> tip.unit
+    >>> cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y").unit
     'm'
     """
 
-    body: str = eqx.field(static=True)
-    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
-    component: Component = eqx.field(static=True)
+    component: Component = eqx.field(static=True, converter=as_component)
     unit: ClassVar[str | None] = "m"
-
-    def __check_init__(self):
-        require_component(self.component)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the global coordinate of the point, m."""
@@ -158,18 +138,12 @@ class PointVelocity(AbstractPointQuantity):
     - `point`: (3,) m in body axes.
     - `component`: "x", "y", "z" in global axes, or ``None`` for the magnitude.
 
-    >>> tip = cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y")
-    >>> tip.unit
+    >>> cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y").unit
     'm/s'
     """
 
-    body: str = eqx.field(static=True)
-    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
-    component: Component | None = eqx.field(default=None, static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s"
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the velocity of the point, m/s."""
@@ -193,22 +167,15 @@ class PointAcceleration(AbstractPointQuantity):
     - `gravity`: whether the scene's gravity is subtracted from the acceleration.
 
     >>> point = (0.06, 0, 0)
-    >>> sensor = cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True)
-    >>> sensor.unit
+    >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
     'm/s^2'
     """
 
-    body: str = eqx.field(static=True)
-    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
-    component: Component | None = eqx.field(default=None, static=True)
-    axes: Axes = eqx.field(default="global", static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
+    axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     gravity: bool = eqx.field(default=False, static=True)
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
-        require_axes(self.axes)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the acceleration of the point, m/s^2."""
@@ -220,6 +187,61 @@ class PointAcceleration(AbstractPointQuantity):
         if self.axes == "body":
             return component_or_magnitude(motion.components(linear) + relative, self.component)
         return component_or_magnitude(linear + motion.direction(relative), self.component)
+
+
+class AngularVelocity(AbstractBodyQuantity):
+    """Angular velocity of a body, rad/s: its magnitude or a component.
+
+    The signal of a gyroscope is `AngularVelocity(body, component, axes="body")`.
+
+    **Arguments:**
+
+    - `body`: name of the body.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
+    - `axes`: "global", the default, or "body", in which the component is taken.
+
+    **Raises:** `ValueError` for other components or axes.
+
+    >>> spin = cj.quantities.AngularVelocity("arm 2", "z")
+    >>> outputs = {"fastest": cj.Peak(spin, "rad/s")}
+    """
+
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
+    axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
+    unit: ClassVar[str | None] = "rad/s"
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the angular velocity, rad/s."""
+        motion = now.motions[self.body]
+        spin = motion.spin if self.axes == "body" else motion.direction(motion.spin)
+        return component_or_magnitude(spin, self.component)
+
+
+class AngularAcceleration(AbstractBodyQuantity):
+    """Angular acceleration of a body, rad/s^2: its magnitude or a component.
+
+    **Arguments:**
+
+    - `body`: name of the body, which can't be the ground.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
+    - `axes`: "global", the default, or "body", in which the component is taken.
+
+    **Raises:** `ValueError` for other components or axes.
+
+    >>> jolt = cj.quantities.AngularAcceleration("arm 2", "z")
+    """
+
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
+    axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
+    unit: ClassVar[str | None] = "rad/s^2"
+    applies_to_ground: ClassVar[bool] = False
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the angular acceleration, rad/s^2."""
+        angular = now.dynamics.accelerations[self.body].angular
+        if self.axes == "global":
+            angular = now.motions[self.body].direction(angular)
+        return component_or_magnitude(angular, self.component)
 
 
 class Angle(AbstractBodyQuantity):
@@ -244,7 +266,6 @@ class Angle(AbstractBodyQuantity):
     ('rad', True)
     """
 
-    body: str = eqx.field(static=True)
     about: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     reference: tuple[float, ...] | None = eqx.field(
         default=None, static=True, converter=optional_numbers
@@ -283,13 +304,6 @@ class Distance(AbstractQuantity):
     With `along` it is the signed distance along an axis of the first body, such as the stroke of a
     slider in its guide. It is the signal of a displacement sensor.
 
-    ```python
-    import clearjoint as cj
-
-    stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
-    stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))
-    ```
-
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
@@ -297,6 +311,9 @@ class Distance(AbstractQuantity):
     - `along`: (3,) in the first body's axes, any length; ``None`` for the straight distance.
 
     **Raises:** `ValueError` if a point or the axis is invalid.
+
+    >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
+    >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))
     """
 
     first: str = eqx.field(static=True)

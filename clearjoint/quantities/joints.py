@@ -7,10 +7,10 @@ from typing import ClassVar, Protocol, runtime_checkable
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..fields.checks import require
+from ..dynamics.multipliers import row_rate
 from ..math.smoothing import norm_and_direction
-from ..math.vectors import ZERO, Scalar, Vector
-from ..model.bodies import NO_WRENCH, Wrench
+from ..math.vectors import ZERO, Scalar, Vector, add
+from ..model.bodies import GROUND, NO_WRENCH, Wrench
 from ..model.clearance_joints.journal_bases import BASES, HasJournal
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
 from ..model.scene import Scene
@@ -18,9 +18,11 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    as_axes,
+    as_component,
     component_or_magnitude,
-    require_axes,
-    require_component,
+    component_or_none,
+    require_choice,
     require_known,
 )
 from .instant import Instant
@@ -29,7 +31,7 @@ from .instant import Instant
 class AbstractJointQuantity(AbstractQuantity):
     """Base class of quantities of a joint, whose name is `joint`."""
 
-    joint: eqx.AbstractVar[str]
+    joint: str = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has a joint of this name to which the quantity applies.
@@ -46,7 +48,7 @@ class AbstractJointQuantity(AbstractQuantity):
 class AbstractContactQuantity(AbstractJointQuantity):
     """Base class of quantities of a contact of a joint; `contact` is its label, such as "V"."""
 
-    contact: eqx.AbstractVar[str | None]
+    contact: str = eqx.field(static=True)
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints with contacts."""
@@ -69,12 +71,10 @@ class ContactForce(AbstractContactQuantity):
     ``None``, the default.
 
     >>> largest = cj.quantities.ContactForce("shoulder")
-    >>> base = cj.quantities.ContactForce("shoulder", "V")
-    >>> base.unit
+    >>> cj.quantities.ContactForce("shoulder", "V").unit
     'N'
     """
 
-    joint: str = eqx.field(static=True)
     contact: str | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "N"
 
@@ -93,13 +93,10 @@ class FrictionForce(AbstractContactQuantity):
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
-    >>> quantity = cj.quantities.FrictionForce("shoulder", "V")
-    >>> quantity.unit
+    >>> cj.quantities.FrictionForce("shoulder", "V").unit
     'N'
     """
 
-    joint: str = eqx.field(static=True)
-    contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "N"
 
     def __call__(self, now: Instant) -> Scalar:
@@ -113,13 +110,10 @@ class Penetration(AbstractContactQuantity):
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
-    >>> quantity = cj.quantities.Penetration("shoulder", "V")
-    >>> quantity.unit
+    >>> cj.quantities.Penetration("shoulder", "V").unit
     'm'
     """
 
-    joint: str = eqx.field(static=True)
-    contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m"
 
     def __call__(self, now: Instant) -> Scalar:
@@ -132,13 +126,10 @@ class PenetrationRate(AbstractContactQuantity):
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
-    >>> quantity = cj.quantities.PenetrationRate("shoulder", "V")
-    >>> quantity.unit
+    >>> cj.quantities.PenetrationRate("shoulder", "V").unit
     'm/s'
     """
 
-    joint: str = eqx.field(static=True)
-    contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
@@ -153,13 +144,10 @@ class EntrySpeed(AbstractContactQuantity):
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
-    >>> quantity = cj.quantities.EntrySpeed("shoulder", "V")
-    >>> quantity.unit
+    >>> cj.quantities.EntrySpeed("shoulder", "V").unit
     'm/s'
     """
 
-    joint: str = eqx.field(static=True)
-    contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
@@ -178,8 +166,6 @@ class BristleDeflection(AbstractContactQuantity):
     >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
     """
 
-    joint: str = eqx.field(static=True)
-    contact: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
@@ -194,6 +180,11 @@ class BristleDeflection(AbstractContactQuantity):
     def __call__(self, now: Instant) -> Scalar:
         """Return the magnitude of the deflection, m."""
         return norm_and_direction(now.bristles[self.joint][self.contact])[0]
+
+
+def _base(name: str | None) -> str | None:
+    require_choice("base", name, (*BASES, None))
+    return name
 
 
 class AbstractJournalQuantity(AbstractJointQuantity):
@@ -235,13 +226,8 @@ class JournalOffset(AbstractJournalQuantity):
     'm'
     """
 
-    joint: str = eqx.field(static=True)
-    component: Component = eqx.field(static=True)
-    base: str | None = eqx.field(default=None, static=True)
-
-    def __check_init__(self):
-        require_component(self.component)
-        _require_base(self.base)
+    component: Component = eqx.field(static=True, converter=as_component)
+    base: str | None = eqx.field(default=None, static=True, converter=_base)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the component of the offset, m."""
@@ -258,11 +244,7 @@ class Eccentricity(AbstractJournalQuantity):
     >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
     """
 
-    joint: str = eqx.field(static=True)
-    base: str | None = eqx.field(default=None, static=True)
-
-    def __check_init__(self):
-        _require_base(self.base)
+    base: str | None = eqx.field(default=None, static=True, converter=_base)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the distance from the bearing's axis, m."""
@@ -284,7 +266,6 @@ class Multiplier(AbstractJointQuantity):
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the joint have this row?
     """
 
-    joint: str = eqx.field(static=True)
     row: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
@@ -298,7 +279,7 @@ class AbstractReaction(AbstractJointQuantity):
     `body` is the name of the body on which the reaction acts, which may be the ground.
     """
 
-    body: eqx.AbstractVar[str]
+    body: str = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the joint acts on the body.
@@ -330,31 +311,18 @@ class Reaction(AbstractReaction):
     the multipliers of least norm are used. For a joint with clearance the force is the sum of
     normal forces, friction, film force and axial reaction.
 
-    ```python
-    import clearjoint as cj
-
-    load = cj.quantities.Reaction("shoulder", "arm 2")
-    outputs = {"largest load": cj.Peak(load, "N")}
-    ```
-
     **Arguments:**
 
     - `joint`: name of the joint.
     - `body`: name of the body on which the force acts, which may be the ground.
     - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
 
-    >>> force = cj.quantities.Reaction("elbow", "arm 3")
-    >>> force.unit
+    >>> cj.quantities.Reaction("elbow", "arm 3").unit
     'N'
     """
 
-    joint: str = eqx.field(static=True)
-    body: str = eqx.field(static=True)
-    component: Component | None = eqx.field(default=None, static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "N"
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the force, N."""
@@ -383,12 +351,6 @@ class ReactionMoment(AbstractReaction):
     The moment refers to the joint's point on the body. For a driver it is the driving moment. With
     redundant constraints it isn't unique, and the multipliers of least norm are used.
 
-    ```python
-    import clearjoint as cj
-
-    bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
-    ```
-
     **Arguments:**
 
     - `joint`: name of the joint.
@@ -397,17 +359,13 @@ class ReactionMoment(AbstractReaction):
     - `axes`: "global", the default, or "body", in which the component is taken.
 
     **Raises:** `ValueError` for other components or axes.
+
+    >>> bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
     """
 
-    joint: str = eqx.field(static=True)
-    body: str = eqx.field(static=True)
-    component: Component | None = eqx.field(default=None, static=True)
-    axes: Axes = eqx.field(default="global", static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
+    axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "N m"
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
-        require_axes(self.axes)
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the ideal joints."""
@@ -436,12 +394,8 @@ class FilmForce(AbstractJointQuantity):
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
     """
 
-    joint: str = eqx.field(static=True)
-    component: Component | None = eqx.field(default=None, static=True)
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "N"
-
-    def __check_init__(self):
-        require_component(self.component, magnitude=True)
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints with a film."""
@@ -467,7 +421,19 @@ class HasRelativeAngle(Protocol):
         ...
 
 
-class JointAngle(AbstractJointQuantity):
+class AbstractJointAngle(AbstractJointQuantity):
+    """Base class of the angle of a joint, driver or drive torque, and of its derivatives."""
+
+    def joints(self, scene: Scene) -> Collection[str]:
+        """Return the names of the scene's joints and forces that have a relative angle."""
+        return elements_with_angle(scene)
+
+    def angle(self, now: Instant) -> Row:
+        """Return the angle, rad, as a row."""
+        return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
+
+
+class JointAngle(AbstractJointAngle):
     """Angle of a joint's second body relative to its first, rad within (-pi, pi], right-handed.
 
     - Revolute, cylindrical and clearance joints: the angle about the axis of the first body. It is
@@ -485,22 +451,50 @@ class JointAngle(AbstractJointQuantity):
     ('rad', True)
     """
 
-    joint: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "rad"
     period: ClassVar[float | None] = 2.0 * math.pi
 
-    def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the scene's joints and forces that have a relative angle."""
-        return elements_with_angle(scene)
-
     def __call__(self, now: Instant) -> Scalar:
         """Return the angle, rad within (-pi, pi]."""
-        return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions).value
+        return self.angle(now).value
 
 
-def _require_base(base: str | None) -> None:
-    known = (*BASES, None)
-    require(base in known, "base", base, f"one of {known}", "pass one of these")
+class JointAngularVelocity(AbstractJointAngle):
+    """Rate of a `JointAngle`, rad/s: relative angular velocity about the first body's axis.
+
+    **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
+
+    >>> speed = cj.quantities.JointAngularVelocity("crank bearing")
+    """
+
+    unit: ClassVar[str | None] = "rad/s"
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the rate of the angle, rad/s."""
+        return row_rate(self.angle(now), now.motions)
+
+
+class JointAngularAcceleration(AbstractJointAngle):
+    """Second time derivative of a `JointAngle`, rad/s^2.
+
+    **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
+
+    >>> acceleration = cj.quantities.JointAngularAcceleration("crank pin")
+    """
+
+    unit: ClassVar[str | None] = "rad/s^2"
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the second time derivative of the angle, rad/s^2."""
+        row = self.angle(now)
+        # The second derivative of a row is its bias plus the Jacobian times the accelerations.
+        total = row.bias
+        for name, pair in row.jacobian.items():
+            if name != GROUND:
+                acceleration = now.dynamics.accelerations[name]
+                total = add(total, pair.force.dot(acceleration.linear))
+                total = add(total, pair.moment.dot(acceleration.angular))
+        return total
 
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:

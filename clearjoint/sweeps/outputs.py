@@ -1,7 +1,6 @@
 """Outputs of a sweep: quantities and states at chosen times, tables of impacts, and their
 checks."""
 
-import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -28,31 +27,8 @@ SAVED = "saved"
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 
 
-class AbstractSaved(abc.ABC):
-    """Quantities that are recorded at chosen times of each lane.
-
-    `channels`: pair (quantity, unit as text) by name.
-    """
-
-    channels: Channels
-
-    @abc.abstractmethod
-    def check(self, scene: Scene) -> None:
-        """Check that the scene has the bodies and joints that the channels name.
-
-        **Raises:** `ValueError` for a name that the scene lacks.
-        """
-
-    @abc.abstractmethod
-    def at(self, scene: Scene) -> np.ndarray:
-        """Return the times at which quantities are recorded in a lane, (K,) s, rising.
-
-        `scene` is the lane's scene. K must be the same in all lanes.
-        """
-
-
 @dataclass(frozen=True)
-class Saved(AbstractSaved):
+class Saved:
     """Quantities at chosen times, computed with the solver's dense output.
 
     **Arguments:**
@@ -176,7 +152,7 @@ class PartOfStates(eqx.Module):
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
-class StatesOfLanes(AbstractSaved):
+class StatesOfLanes:
     """The states of all bodies of a scene at times (K,) s, which are the same in all lanes."""
 
     def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
@@ -194,7 +170,9 @@ class StatesOfLanes(AbstractSaved):
         return self.times
 
 
-Output = AbstractReduction | AbstractSaved | Section | ImpactTable
+AnySaved = Saved | StatesOfLanes
+"""Outputs with `channels`, pairs (quantity, unit) by name, and times (K,) s of a scene by `at`."""
+Output = AbstractReduction | AnySaved | Section | ImpactTable
 
 
 def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
@@ -239,6 +217,6 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
             output.check(scene)
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
-    saves = [name for name, output in outputs.items() if isinstance(output, AbstractSaved)]
+    saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
     remedy = "join their times"
     require(len(saves) <= 1, "outputs", saves, "outputs with at most one Saved", remedy)

@@ -23,7 +23,7 @@ from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from ..simulation.step.spans import check_span, checked_times
 from .axes import Axis, Lanes, variable_leaves
-from .outputs import AbstractSaved, ImpactTable, Output
+from .outputs import AnySaved, ImpactTable, Output
 from .store.identity import Identity, row_digests, run_digests
 from .store.program import RUN, programs
 
@@ -67,7 +67,7 @@ def common_values(
     """
     saved, _ = _saved_output(outputs)
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
-    recorded = {name: o for name, o in outputs.items() if isinstance(o, AbstractSaved | Section)}
+    recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
     if recorded or tables:
         require_dense(scheme.method.solver)
@@ -143,7 +143,7 @@ def _ends(
 
 
 def _save_times(
-    saved: AbstractSaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
+    saved: AnySaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
 ) -> np.ndarray | None:
     """Return the times at which each lane is saved, (lanes, K) s; ``None`` without an output to
     save.
@@ -159,10 +159,10 @@ def _save_times(
     return np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
 
 
-def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AbstractSaved | None]:
-    """Return the name and the output of the one `AbstractSaved`; "" and ``None`` if there is
+def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AnySaved | None]:
+    """Return the name and the output of the one `AnySaved`; "" and ``None`` if there is
     none."""
-    saved = ((name, o) for name, o in outputs.items() if isinstance(o, AbstractSaved))
+    saved = ((name, o) for name, o in outputs.items() if isinstance(o, AnySaved))
     return next(saved, ("", None))
 
 

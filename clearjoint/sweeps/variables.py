@@ -12,7 +12,7 @@ from ..simulation.results.impact_table import IMPACT_UNITS
 from ..simulation.results.state_tables import LABELS, STATE_PARTS, contact_label
 from ..simulation.run.sections import Section
 from .layout import RESULT, Coordinate, Variable
-from .outputs import AbstractSaved, ImpactTable, Output, StatesOfLanes
+from .outputs import AnySaved, ImpactTable, Output, StatesOfLanes
 from .work import CONTACT, variable_name
 
 
@@ -92,7 +92,7 @@ def _tabled(scene: Scene, name: str, output: ImpactTable) -> dict[str, Variable]
     return {variable_name(name, "count"): counted, **columns}
 
 
-def _recorded(scene: Scene, name: str, output: AbstractSaved | Section) -> dict[str, Variable]:
+def _recorded(scene: Scene, name: str, output: AnySaved | Section) -> dict[str, Variable]:
     dim, variables = f"{name}_number", {}
     if isinstance(output, Section):
         length = output.count

@@ -81,12 +81,8 @@ def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
 
 def _shortest(axis: np.ndarray, target: np.ndarray) -> Rotation:
     """Return the smallest rotation that makes `axis` parallel to `target`, in either sense."""
-    axis, target = axis / np.linalg.norm(axis), target / np.linalg.norm(target)
-    across = np.cross(axis, target)
-    sine, cosine = np.linalg.norm(across), float(axis @ target)
-    if sine == 0.0:
-        return Rotation.identity()
-    return Rotation.from_rotvec(across / sine * np.arctan2(sine, abs(cosine)) * np.sign(cosine))
+    parallel = target if axis @ target >= 0.0 else -target
+    return Rotation.align_vectors(parallel, axis)[0]
 
 
 def _fits(poses: Mapping[str, Pose], first: Marker, second: Marker) -> bool:

@@ -130,7 +130,15 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
     height = np.tile(outwards * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
     size = abs(radius) + height
     rim = np.stack([size * np.cos(angle.ravel()), size * np.sin(angle.ravel())], 1)
-    return _plate(rim, width) if radius > 0.0 else _ring(rim, abs(radius) + 4.0 * module, width)
+    count, after = len(rim), np.roll(np.arange(len(rim)), -1)
+    if radius > 0.0:
+        inner = np.zeros((1, 2))
+        faces = np.stack([np.arange(count), after, np.full(count, count)], 1)
+    else:
+        inner = rim * ((abs(radius) + 4.0 * module) / np.linalg.norm(rim, axis=1))[:, None]
+        faces = _skin(2, count)
+    wheel = _creation().extrude_triangulation(np.vstack([rim, inner]), faces, width)
+    return _of(wheel).moved(pose_at((0.0, 0.0, -0.5 * width)))
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
@@ -210,25 +218,3 @@ def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
     lower = np.stack([a, b, a + corners], -1).reshape(-1, 3)
     upper = np.stack([b, b + corners, a + corners], -1).reshape(-1, 3)
     return np.vstack([lower, upper])
-
-
-def _plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate across z of thickness `width`, m, whose rim is the polygon with corners
-    (N, 2), m; straight lines from the origin must cross it once."""
-    count, half = len(rim), 0.5 * width
-    layers = [np.column_stack([rim, np.full(count, z)]) for z in (-half, half)]
-    vertices = np.vstack([*layers, (0.0, 0.0, -half), (0.0, 0.0, half)])
-    index = np.arange(count)
-    following = (index + 1) % count
-    lower = np.stack([following, index, np.full(count, 2 * count)], 1)
-    upper = np.stack([index + count, following + count, np.full(count, 2 * count + 1)], 1)
-    return Mesh(vertices, np.vstack([_skin(2, count), lower, upper]))
-
-
-def _ring(rim: Float[np.ndarray, "N 2"], outer: float, width: float) -> Mesh:
-    """Return a plate across z of radius `outer` and thickness `width`, m, with a hole whose rim is
-    the polygon with corners (N, 2), m."""
-    edge = rim * (outer / np.linalg.norm(rim, axis=1))[:, None]
-    loops = ((edge, -1.0), (edge, 1.0), (rim, 1.0), (rim, -1.0), (edge, -1.0))
-    layers = [np.column_stack([loop, np.full(len(rim), 0.5 * width * z)]) for loop, z in loops]
-    return Mesh(np.vstack(layers), _skin(len(loops), len(rim)))

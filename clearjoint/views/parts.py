@@ -1,12 +1,12 @@
 """Solids of a view, and their colours."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .meshes import Mesh, joined
+from .meshes import Mesh
 
 BODIES = (
     "#0072B2",
@@ -59,24 +59,6 @@ class DrawnPart:
         return self.colour if self.modes is None else MODES[int(self.modes[k])]
 
 
-@dataclass
-class OnBodies:
-    """Solids that are fixed to bodies. Those of equal body, colour and opacity become one part."""
-
-    _meshes: dict[tuple[str, str, float], list[Mesh]] = field(default_factory=dict)
-
-    def add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m, relative to the centre of mass."""
-        self._meshes.setdefault((body, colour, opacity), []).append(mesh)
-
-    def parts(self, poses: dict[str, np.ndarray]) -> list[DrawnPart]:
-        """Return the parts, given the poses of the bodies, (N, 4, 4) by name."""
-        return [
-            DrawnPart(body, joined(meshes), _still(poses[body]), colour, opacity)
-            for (body, colour, opacity), meshes in self._meshes.items()
-        ]
-
-
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
@@ -91,7 +73,7 @@ def between(
     poses[:, :3, :2] *= width
     poses[:, :3, 2] *= length
     poses[:, :3, 3] = starts
-    return _still(poses)
+    return still(poses)
 
 
 def frames(
@@ -123,6 +105,6 @@ def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.nda
     return np.vstack(result)
 
 
-def _still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
+def still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
     """Return the poses, or only the first one, (1, 4, 4), if all are equal."""
     return poses[:1] if np.array_equal(poses, np.broadcast_to(poses[:1], poses.shape)) else poses

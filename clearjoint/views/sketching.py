@@ -16,10 +16,10 @@ from ..model.pen import AbstractPen, Marker
 from ..model.scene import Scene
 from . import meshes
 from .meshes import Mesh, frame_about, pose_at
-from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, OnBodies, between, frames
+from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, frames, still
 from .poses import BodyPoses
 from .proportions import Proportions
-from .survey import BodySolid, equivalent_solid
+from .survey import equivalent_solid
 
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
@@ -88,24 +88,6 @@ def drawn_journal(
     return DrawnJournal(np.array(ends), drawn, radius)
 
 
-def _across(poses: BodyPoses, journal: Marker) -> Float[np.ndarray, "N 3"]:
-    """Return unit vectors (N, 3) in global axes that are perpendicular to the journal's axis and
-    turn with the journal."""
-    axis = journal.along()
-    return poses.direction(journal.body, np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
-
-
-def drawn_ball(
-    poses: BodyPoses, socket: Marker, ball: Marker, clearance_scale: float
-) -> Float[np.ndarray, "N 4 4"]:
-    """Return the poses (N, 4, 4) of a ball whose distance from the socket's centre is multiplied by
-    `clearance_scale`."""
-    drawn = poses.poses[ball.body].copy()
-    centre = poses.point(socket.body, socket.point)
-    drawn[:, :3, 3] = centre + clearance_scale * (poses.point(ball.body, ball.point) - centre)
-    return drawn
-
-
 NEAR = 1e-3
 """Two points of a body count as one if their distance is at most this fraction of the size of the
 mechanism."""
@@ -133,13 +115,19 @@ class SketchingPen(AbstractPen):
         self.loads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
-        self._fixed, self._moving = OnBodies(), list[DrawnPart]()
+        # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
+        self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
+        self._moving: list[DrawnPart] = []
         self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
         self._shaped: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
         """Return all parts that have been drawn."""
-        return self._fixed.parts(dict(self._poses.poses)) + self._moving
+        fixed = [
+            DrawnPart(body, meshes.joined(solids), still(self._poses.poses[body]), colour, opacity)
+            for (body, colour, opacity), solids in self._fixed.items()
+        ]
+        return fixed + self._moving
 
     def mark(self, marker: Marker) -> None:
         """Draw a small ball."""
@@ -249,9 +237,12 @@ class SketchingPen(AbstractPen):
         sizes = self._sizes
         bore = sizes.bore(float(radius))
         shell = meshes.ball(bore).moved(pose_at(np.asarray(socket.point)))
-        self._fixed.add(socket.body, shell, self._colours[socket.body], CLEAR)
+        self._add(socket.body, shell, self._colours[socket.body], CLEAR)
         inner = meshes.ball(bore - float(clearance) * sizes.clearance_scale)
-        poses = drawn_ball(self._poses, socket, ball, sizes.clearance_scale)
+        poses = self._poses.poses[ball.body].copy()
+        centre = self._poses.point(socket.body, socket.point)
+        eccentricity = self._poses.point(ball.body, ball.point) - centre
+        poses[:, :3, 3] = centre + sizes.clearance_scale * eccentricity
         self._moving.append(DrawnPart(self.element, inner, poses, METAL, is_journal=True))
         self._hold(socket, around=bore)
         self._hold(ball)
@@ -266,7 +257,7 @@ class SketchingPen(AbstractPen):
         for side in (-1.0, 1.0):
             at = centre + frame[:, 1] * (0.5 * side * (gap + bar))
             plate = meshes.box((length, bar, depth)).moved(pose_at(at, frame))
-            self._fixed.add(middle.body, plate, self._colours[middle.body])
+            self._add(middle.body, plate, self._colours[middle.body])
         self._corners[middle.body].append(np.asarray(centre))
         self._shaped.add(middle.body)
         self.drawn.add(self.element)
@@ -276,9 +267,7 @@ class SketchingPen(AbstractPen):
         across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._sizes.bar))
-        self._fixed.add(
-            centre.body, box.moved(pose_at(centre.point, frame)), self._colours[centre.body]
-        )
+        self._add(centre.body, box.moved(pose_at(centre.point, frame)), self._colours[centre.body])
         self._shaped.add(centre.body)
         self._hold(centre)
 
@@ -294,7 +283,7 @@ class SketchingPen(AbstractPen):
         frame = _toothed_frame(centre.along(), float(phase))
         count = round(abs(float(teeth)))
         wheel = meshes.gear(float(radius), count, 2.4 * self._sizes.bar)
-        self._fixed.add(
+        self._add(
             centre.body, wheel.moved(pose_at(centre.point, frame)), self._colours[centre.body]
         )
         self._shaped.add(centre.body)
@@ -312,22 +301,24 @@ class SketchingPen(AbstractPen):
             points = np.vstack([points, np.zeros((1, 3))])
         if np.ptp(points, axis=0).max() > size:
             skin = meshes.hull(points, self._sizes.bar)
-            self._fixed.add(name, skin, self._colours[name])
+            self._add(name, skin, self._colours[name])
 
     def solid(self, name: str, body: Body) -> None:
         """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._sizes.bar
-        shape = self._solid_shape(solid).moved(pose_at((0.0, 0.0, 0.0), solid.axes))
-        self._fixed.add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
+        sides = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
+        shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
+        shape = shape.moved(pose_at((0.0, 0.0, 0.0), solid.axes))
+        self._add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
         """Draw a black ball, larger than the bar, at the origin of a body's frame."""
-        self._fixed.add(name, meshes.ball(1.5 * self._sizes.bar), "#000000")
+        self._add(name, meshes.ball(1.5 * self._sizes.bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
         """Draw a mesh that the user passes, in body axes, instead of the hull."""
-        self._fixed.add(name, mesh, self._colours[name])
+        self._add(name, mesh, self._colours[name])
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
@@ -337,13 +328,7 @@ class SketchingPen(AbstractPen):
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
         for point in self._distinct(GROUND):
             stand = meshes.pyramid(4.0 * bar, 5.0 * bar, 2.5 * bar).moved(pose_at(point, frame))
-            self._fixed.add(GROUND, stand, GROUND_COLOUR)
-
-    def _solid_shape(self, solid: BodySolid) -> Mesh:
-        first, second, third = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
-        if solid.round:
-            return meshes.cylinder(0.5 * first, third)
-        return meshes.box((first, second, third))
+            self._add(GROUND, stand, GROUND_COLOUR)
 
     def _distinct(self, name: str) -> np.ndarray:
         """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
@@ -355,12 +340,16 @@ class SketchingPen(AbstractPen):
                 distinct.append(point)
         return np.reshape(distinct, (-1, 3))
 
+    def _add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
+        """Fix a solid to a body; the mesh is in body axes, m."""
+        self._fixed.setdefault((body, colour, opacity), []).append(mesh)
+
     def _fix(self, marker: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
         """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
         axis along the marker's axis if the marker has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         moved = mesh.moved(pose_at(marker.point, rotation))
-        self._fixed.add(marker.body, moved, colour, opacity)
+        self._add(marker.body, moved, colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of both markers, (N, 3) m each in global axes, and extend the hulls

@@ -47,13 +47,8 @@ class SurveyingPen(AbstractPen):
         """Add two points that coincide."""
         self._join(first, second)
 
-    def pin(self, first: Marker, second: Marker) -> None:
-        """Add two axes that coincide."""
-        self._join(first, second)
-
-    def ball(self, first: Marker, second: Marker) -> None:
-        """Add two points that coincide."""
-        self._join(first, second)
+    pin = weld
+    ball = weld
 
     def cross(self, first: Marker, second: Marker) -> None:
         """Add two points that coincide, without their axes, which are perpendicular."""
@@ -77,9 +72,7 @@ class SurveyingPen(AbstractPen):
         """Add two points, which are not joined."""
         self.markers += [first, second]
 
-    def spring(self, first: Marker, second: Marker) -> None:
-        """Add two points, which are not joined."""
-        self.markers += [first, second]
+    spring = rod
 
     def load(self, marker: Marker, force: Triple) -> None:
         """Add the point of action; the force, N, is not used."""

@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -45,6 +46,7 @@ ANIMATED = 100
 """Largest number of frames of a GIF or MP4."""
 
 
+@dataclass(eq=False, repr=False)
 class View:
     """A three-dimensional view of a mechanism, which notebooks display.
 
@@ -65,18 +67,14 @@ class View:
     (50.0, 'four_bar.html')
     """
 
-    def __init__(
-        self,
-        parts: list[DrawnPart],
-        camera: Camera,
-        legend: Legend,
-        times: np.ndarray | None,
-        scales: tuple[float, float, float],
-        height: int,
-    ):
-        self.parts, self.times = parts, times
-        self.clearance_scale, self.bearing_scale, self.force_scale = scales
-        self.legend, self._camera, self._height = legend, camera, height
+    parts: list[DrawnPart]
+    times: np.ndarray | None
+    legend: Legend
+    clearance_scale: float
+    bearing_scale: float
+    force_scale: float
+    _camera: Camera
+    _height: int
 
     @cached_property
     def html(self) -> str:
@@ -107,19 +105,14 @@ class View:
         if suffix == ".html":
             file.write_text(self.html, encoding="utf-8")
             return file
-        if suffix in (".gif", ".mp4"):
-            remedy = "pass a solution to view(), or save a picture"
-            require(
-                self.times is not None,
-                "file",
-                str(file),
-                "a picture, not an animation, of one state",
-                remedy,
-            )
         from .filming import Film
 
         frames = [0]
-        if self.times is not None and suffix in (".gif", ".mp4"):
+        if suffix in (".gif", ".mp4"):
+            expected = "a picture, not an animation, of one state"
+            remedy = "pass a solution to view(), or save a picture"
+            require(self.times is not None, "file", str(file), expected, remedy)
+            assert self.times is not None
             frames = instants_to_show(self.times, ANIMATED).tolist()
         elif self.times is not None and time is not None:
             frames = [int(np.argmin(np.abs(self.times - time)))]
@@ -216,7 +209,7 @@ def view(
     notes = [*note, *_notes(bool(noted.bores), sizes, force_arrows), *_missed(motion, observed)]
     legend = Legend(title, tuple(_entries(scene, modes, force_arrows)), tuple(notes))
     scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
-    return View(parts, camera(parts, sizes, poses.count), legend, poses.times, scales, height)
+    return View(parts, poses.times, legend, *scales, camera(parts, sizes, poses.count), height)
 
 
 def _poses(

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from clearjoint.identification.identify import _with_prior
 from clearjoint.identification.residuals import (
     UNREACHED,
     experiment,
-    predictions,
-    residuals,
     run_misfit,
     samples,
 )
@@ -107,7 +104,7 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
 
 
 def test_jacobian_is_that_of_the_residuals(problem):
-    """Central differences of the residuals themselves, and JAX's rule."""
+    """Central differences of the residuals themselves."""
     runs, data, at = problem
     found = run_misfit(runs, data, END, at)
     for k, step in enumerate(1e-4 * np.eye(3)):
@@ -115,26 +112,6 @@ def test_jacobian_is_that_of_the_residuals(problem):
         difference = (ahead - behind) / 2e-4
         size = np.abs(found.jacobian[:, k]).max()
         assert np.abs(difference - found.jacobian[:, k]).max() < 1e-4 * size
-        along = jax.jvp(
-            lambda u: residuals(u, runs, data, END), (jnp.asarray(at),), (jnp.eye(3)[k],)
-        )
-        np.testing.assert_allclose(along[0], found.residuals, rtol=1e-12)
-        np.testing.assert_allclose(along[1], found.jacobian[:, k], rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_gradient_and_batches(problem):
-    runs, data, at = problem
-    found = run_misfit(runs, data, END, at)
-
-    def cost(u):
-        return 0.5 * jnp.sum(residuals(u, runs, data, END) ** 2)
-
-    gradient = jax.grad(cost)(jnp.asarray(at))
-    # XLA compiles the gradient, native code the fit's runs: their steps differ by rounding.
-    np.testing.assert_allclose(gradient, found.jacobian.T @ found.residuals, rtol=1e-8)
-    batch = jax.vmap(lambda u: predictions(u, runs, END))(jnp.stack([at, at + 0.01]))
-    np.testing.assert_allclose(batch[0], found.predicted, atol=1e-12)
 
 
 def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):

@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
+import clearjoint as cj
 from clearjoint.identification import likelihood
-from clearjoint.identification.likelihood import RISE, LocalMinimum
+from clearjoint.identification.likelihood import RISE
+from clearjoint.identification.residuals import RunMisfit
 
 NOWHERE = np.array([np.inf, np.inf])
 RIPPLE, WAVES = 1.6, 7.0
@@ -90,7 +92,9 @@ class Rough:
             if abs(step) < 1e-8:
                 break
             at, cost = at + step, new
-        return LocalMinimum(np.array([at]), float(cost), np.array([[1.0 / information]]))
+        residuals, jacobian = np.sqrt([cost]), np.sqrt([[information]])
+        ended = cj.RESULTS.successful
+        return RunMisfit(np.array([at]), residuals, jacobian, np.zeros((1, 0)), ended, 0.0, 0)
 
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))

@@ -1,7 +1,5 @@
 """The largest value that keeps limits, for given margins and for a drop with a closed form."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -29,7 +27,7 @@ def searched(function, tolerance=1e-3, lanes=10, between=(1.0, 10.0)):
         return row(coordinates, [function(x) for x in coordinates])
 
     parameter = cj.Parameter(lambda scene: scene.gravity[0])
-    search = _Search(SimpleNamespace(margins=run), lanes, tolerance, parameter)
+    search = _Search(run, lanes, tolerance, parameter)
     return search.run(*between, "m"), rows
 
 

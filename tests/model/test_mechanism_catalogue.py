@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import clearjoint as cj
 from clearjoint.dynamics.multipliers import row_rate
 from clearjoint.math.vectors import unpack
-from clearjoint.model.mechanisms.four_bar import LENGTHS, MASSES, PINS
+from clearjoint.model.mechanisms.four_bars import LENGTHS, MASSES, PINS
 from clearjoint.testing import moving
 from tests.support.andrews_equations import PUBLISHED, START, angles
 

@@ -70,7 +70,7 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
         monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
         made = program(function, *arguments, tangents=tangents)
         found[size] = made(arguments)
-        assert ("call void @f" in made.text) == (size == 1)
+        assert ('call void @"f' in made.text) == (size == 1)
     for one, other in zip(found[1], found[10**9], strict=True):
         np.testing.assert_array_equal(one, other)
     expected = jax.tree.leaves(jax.jit(function)(*arguments))
@@ -81,10 +81,10 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
 def test_invariants_of_all_calls_are_computed_once(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
     text = program(run, *START).text
-    assert text.count("call void @f") == 4 + 3  # Calls of `rates`, and in it of `inner`.
-    functions, outside = text.split("define i64 @program")
-    assert outside.count("@llvm.sqrt") == 1
-    assert "@llvm.sqrt.f64(double %" not in functions
+    assert text.count('call void @"f') == 4 + 3  # Calls of `rates`, and in it of `inner`.
+    functions, outside = text.split('define i64 @"program"')
+    assert outside.count('call double @"llvm.sqrt') == 1
+    assert '@"llvm.sqrt.f64"(double %' not in functions
 
 
 def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
@@ -98,7 +98,7 @@ def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
 
     own, state = START[0], (jnp.asarray(0), *START[1:])
     loop = LaneLoop(turn, status, (), own, state)
-    assert ("call void @f" in loop.text) == (way == "functions")
+    assert ('call void @"f' in loop.text) == (way == "functions")
     stiffness = 1.0 + RNG.random(WIDTH)
 
     def ends(lanes):

@@ -17,7 +17,7 @@ import pytest
 from jaxtyping import Float
 
 import clearjoint as cj
-from clearjoint.model.contact.stiffness import AbstractElasticity
+from clearjoint.model.contact.laws import AbstractElasticity
 from clearjoint.scene_files.class_names import is_abstract
 from clearjoint.scene_files.expectations import Expectation, arguments
 from clearjoint.scene_files.files import first_difference

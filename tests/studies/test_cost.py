@@ -3,9 +3,15 @@
 import re
 
 import jax
+import jax.numpy as jnp
 import pytest
 
-from clearjoint.testing import RunProgram, Stepper
+from clearjoint.math.vectors import fold_constants
+from clearjoint.simulation.run.run_checks import check_start
+from clearjoint.simulation.run.run_ends import begin_run
+from clearjoint.simulation.step.method import Scheme
+from clearjoint.simulation.step.stepping import attempt
+from clearjoint.simulation.step.trial_step import rates_of
 from studies.cost import coordinates, features
 from tests.support.replaced_code import FEATURES, without
 
@@ -25,10 +31,21 @@ def cases(numbers):
 def program_text(number):
     """Return the jaxprs of a right-hand side and of an attempted step, without addresses."""
     case = CASES[NAMES[number]]
-    run = RunProgram.of(case.scene, case.state, case.settings)
+    redundant = check_start(case.scene, case.state, 0.0, case.settings.coordinates)
+    scheme, scene = Scheme.of(case.settings, bool(redundant)), fold_constants(case.scene)
+    begin, end, first_step = (jnp.asarray(time) for time in (0.0, 1e9, 1e-6))
+    step = begin_run(scheme.method, scheme.unpacked(scene), case.state, begin, end, first_step)
+
+    def rates(scheme, scene, step):
+        return rates_of(scheme.unpacked(scene), step.y, step.entry_speeds, step.t)
+
+    def attempted(scheme, scene, step):
+        return attempt(scheme.method, scheme.unpacked(scene), step, jnp.asarray(jnp.inf)).step
+
+    # The numbers of the scene are constants here, which a run passes as arguments.
     jaxprs = [
-        jax.make_jaxpr(lambda step, part=part: part(run.stepper(), step))(run.step)
-        for part in (Stepper.rates, Stepper.attempt)
+        jax.make_jaxpr(lambda step, part=part: part(scheme, scene, step))(step)
+        for part in (rates, attempted)
     ]
     return re.sub(r"0x[0-9a-f]+", "", "\n".join(map(str, jaxprs)))
 

@@ -1,7 +1,9 @@
 """The examples in docstrings of public names, as tests run them."""
 
 import doctest
+import importlib
 import re
+from functools import cache
 from pathlib import Path
 
 import clearjoint
@@ -9,7 +11,7 @@ from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
     r"\b(simulate\w*|sweep|sensitivities|identif\w+|minimise|horizon"
-    r"|assemble|constraint_report|RunProgram\.of|free_impact|carried_journal|check_\w+|animate_journal|settle|largest|view|report|movie)\("
+    r"|assemble|constraint_report|free_impact|carried_journal|check_\w+|animate_journal|settle|largest|view|report|movie)\("
 )
 """What takes seconds: an example that calls one of these is slow."""
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
@@ -51,19 +53,34 @@ def has_example(public: PublicName) -> bool:
 
 def is_slow(public: PublicName) -> bool:
     """Whether an example compiles a run or the like."""
-    sessions = doctest.DocTestParser().get_examples(public.docstring)
+    texts = _docstring(public.source) + public.docstring
+    sessions = doctest.DocTestParser().get_examples(texts)
     code = "".join(example.source for example in sessions)
     return COMPILES.search(code + "".join(BLOCK.findall(public.docstring))) is not None
+
+
+def _docstring(module: str) -> str:
+    """The docstring of a module that exports public names, nothing for the package itself."""
+    own = "" if module == "clearjoint" else importlib.import_module(module).__doc__
+    return own or ""
+
+
+@cache
+def _begin(module: str) -> dict[str, object]:
+    """The names that examples of a module assume."""
+    begin = doctest.DocTestParser().get_examples((clearjoint.__doc__ or "") + _docstring(module))
+    given: dict[str, object] = {}
+    exec("".join(example.source for example in begin), given)
+    return given
 
 
 def run_example(public: PublicName) -> str:
     """What an example's session printed that it should not have, nothing if all is right.
 
-    It begins with the session of the package's own docstring. Blocks of Python only have to run.
+    It begins with the sessions of the docstrings of the package and of the module that exports the
+    name. Blocks of Python only have to run.
     """
-    begin = doctest.DocTestParser().get_examples(clearjoint.__doc__ or "")
-    given: dict[str, object] = {}
-    exec("".join(example.source for example in begin), given)
+    given = dict(_begin(public.source))
     for table in TABLE.findall(public.docstring):
         Path("pendulum.toml").write_text(table, encoding="utf-8")
     Path("arm.urdf").write_text(ROBOT, encoding="utf-8")

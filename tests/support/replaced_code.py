@@ -13,7 +13,7 @@ from clearjoint.dynamics.system import System
 from clearjoint.model.clearance_joints import axial, bearing_surfaces, clearance
 from clearjoint.model.contact.friction import RegularisedCoulomb
 from clearjoint.model.joints import motion_subspaces as freedoms
-from clearjoint.parametrisation.parametrised_scene import AbstractFamily
+from clearjoint.parametrisation.parametrised_scene import ParametrisedScene
 from clearjoint.simulation.step import stepping
 from clearjoint.simulation.step.landing import Landing
 
@@ -36,7 +36,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),
         "end play": ((axial.EndPlay, "shoulder_gap"),),
         "energy ledger": ((system, "ledger_powers"),),
-        "sensitivities": ((AbstractFamily, "pushed"), (stepping, "_tangents_after")),
+        "sensitivities": ((ParametrisedScene, "pushed"), (stepping, "_tangents_after")),
     }
 )
 """Of each feature of a scene or run the functions that no scene without it calls, as owner and

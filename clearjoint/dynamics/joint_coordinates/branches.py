@@ -1,4 +1,5 @@
-"""Branches of a tree of bodies: a body that moves freely, or a body carried by an ideal joint.
+"""Branches of the spanning trees of a scene's bodies and ideal joints: bodies that move freely, or
+bodies carried by an ideal joint.
 
 Each kind of branch has its own variables, and converts them to the body's motion and rates.
 """
@@ -9,11 +10,14 @@ from typing import TypeAlias
 
 from ...math.rotations import composed, conjugate, euler_parameter_rates, normalised, turned
 from ...math.vectors import EulerParameters, Matrix, Vector, add
-from ...model.bodies import BodyState, Motion
+from ...model.bodies import GROUND, BodyState, Motion
+from ...model.joints.base import AbstractConstraint
 from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
+from ...model.scene import Scene
 from ..coordinates import (
     MotionVariables,
     Speeds,
+    anchors,
     body_with_speeds,
     free_motion,
     normalised_body,
@@ -251,3 +255,51 @@ class JointedBranch(AbstractBranch):
     def falls(self) -> bool:
         """Return False, since the rates are relative to the parent."""
         return False
+
+
+def forest(scene: Scene) -> list[list[AbstractBranch]]:
+    """Return the trees of a scene, found from names; only constraints that close loops couple
+    different trees.
+
+    In each tree, a parent comes before its children. The first branch is the root; only its parent
+    is the ground. Bodies that ideal joints connect to the ground come first. Bodies are visited
+    breadth first, so that chains are short. Of connected bodies without a joint to the ground, one
+    becomes a free root. A body with an `Anchor` is preferred as root, since the anchor preserves
+    digits of its position.
+    """
+    placed = {GROUND}
+    trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
+    for tree in trees:
+        _grow(tree, scene, placed)
+    points = anchors(scene)
+    for name in sorted(scene.bodies, key=lambda name: name not in points):
+        if name not in placed:
+            placed.add(name)
+            trees.append([FreeBranch(name, GROUND, points.get(name))])
+            _grow(trees[-1], scene, placed)
+    return trees
+
+
+def _grow(tree: list[AbstractBranch], scene: Scene, placed: set[str]) -> None:
+    """Add all further branches of a tree, breadth first, and their bodies to `placed`."""
+    for branch in tree:  # The loop also visits the branches that it appends.
+        tree += _children(scene, branch.body, placed)
+
+
+def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch]:
+    """Return a branch for each ideal joint that carries another body on the body `parent`.
+
+    Bodies in `placed` are left out; the bodies of the branches are added to it.
+    """
+    children = []
+    for name, joint in scene.joints.items():
+        if not isinstance(joint, AbstractConstraint):
+            continue
+        bodies = joint.body_names()
+        if len(bodies) == 2 and parent in bodies:
+            body = bodies[1] if parent == bodies[0] else bodies[0]
+            motion_subspace = joint.motion_subspace(parent)
+            if motion_subspace is not None and body not in placed:
+                placed.add(body)
+                children.append(JointedBranch(body, parent, name, motion_subspace))
+    return children

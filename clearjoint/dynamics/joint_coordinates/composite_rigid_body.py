@@ -1,4 +1,4 @@
-"""Equations of motion of a tree in joint coordinates, by the composite rigid body algorithm.
+"""Equations of motion of trees in joint coordinates, by the composite rigid body algorithm.
 
 The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
 unknowns. Each joint connects a carried body to its carrier, the next body towards the root. The
@@ -17,50 +17,72 @@ unknowns r, it does not enter the carrier's equations at all. In the double pend
 If axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
 omits.
 
-Arguments and results of the type `Speeds` have one entry for each speed of the tree, from the root
-to the leaves. Where they are rates or changes of speeds, they have the form of r.
+Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
+from its root to its leaves, then those of the second, and so on. Where they are rates or changes of
+speeds, they have the form of r.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TypeAlias
 
 from ...math.linear_solvers import OrderedFactorisation
-from ...math.vectors import ZERO, Scalar, Vector, add, subtract
+from ...math.vectors import ZERO, Matrix, Scalar, Vector, add, subtract
 from ...model.bodies import NO_WRENCH
 from ...model.joints.base import Motions, Row
 from ...model.joints.motion_subspaces import REST, Twist
 from ...model.scene import Scene
-from ..coordinates import BodyAcceleration, MotionVariables, Speeds, Wrenches
-from .branches import AbstractBranch
+from ..coordinates import (
+    AbstractMechanics,
+    BodyAcceleration,
+    MotionVariables,
+    Speeds,
+    Wrenches,
+)
+from .branches import AbstractBranch, forest
 from .links import Link
 from .spatial_inertia import Inertia, central_inertia, inertia
-from .tree import Tree
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, and moment about the centre of mass, in the tree's axes."""
 
 
-class TreeMechanics:
-    """Equations of motion of one tree.
+TreeVariables: TypeAlias = dict[str, MotionVariables]
+"""Variables by name of body: a `JointState` if a joint carries the body, a `BodyState` if it is
+free."""
 
-    The mass matrix is factorised once, for all forces and constraints. `size` is the number of
-    speeds.
+
+class JointMechanics(AbstractMechanics):
+    """Equations of motion of all trees of a scene.
+
+    The mass matrix of each tree is factorised once, for all forces and constraints.
     """
 
-    def __init__(
-        self, scene: Scene, tree: Tree, variables: dict[str, MotionVariables], motions: Motions
-    ):
-        self._scene, self._tree, self._variables = scene, tree, variables
-        self._axes = motions[tree[0].body].rotation
+    def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
+        self.motions = motions
+        self._scene, self._variables = scene, variables
         self._gravity = ZERO if scene.gravity is None else scene.gravity
-        gravity = self._axes.transposed_times(self._gravity)
-        # In a free tree all bodies fall alike: rates are relative to free fall, and gravity is
-        # added to the accelerations. In a tree on the ground, gravity is a load on each body.
-        self._fall, self._weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
-        index = {branch.body: k for k, branch in enumerate(tree)}
-        self._parents = [index.get(branch.parent) for branch in tree]
+        trees = forest(scene)
+        self._branches = [branch for tree in trees for branch in tree]
+        index = {branch.body: k for k, branch in enumerate(self._branches)}
+        self._parents = [index.get(branch.parent) for branch in self._branches]
+        # Of each branch: rotation of its tree's axes, and in these axes the acceleration by which
+        # rates are less than accelerations, and the gravity that is a load. In a free tree all
+        # bodies fall alike: rates are relative to free fall, and gravity is added to the
+        # accelerations. In a tree on the ground, gravity is a load on each body.
+        self._axes: list[Matrix] = []
+        self._falls: list[Vector] = []
+        self._weights: list[Vector] = []
+        for root, *others in trees:
+            axes = motions[root.body].rotation
+            gravity = axes.transposed_times(self._gravity)
+            fall, weight = (gravity, ZERO) if root.falls() else (ZERO, gravity)
+            for _ in (root, *others):
+                self._axes.append(axes)
+                self._falls.append(fall)
+                self._weights.append(weight)
         self._links: list[Link] = []
-        for branch, parent in zip(tree, self._parents, strict=True):
+        for branch, parent in zip(self._branches, self._parents, strict=True):
             carrier = None if parent is None else self._links[parent]
             self._links.append(branch.link(carrier, variables[branch.body]))
         self._central = [
@@ -71,11 +93,17 @@ class TreeMechanics:
         self._firsts = [0]
         for link in self._links:
             self._firsts.append(self._firsts[-1] + len(link.columns))
-        self.size = self._firsts[-1]
-        self._factorisation = OrderedFactorisation(self._mass_matrix())
+        # Speeds of different trees are not coupled.
+        bounds = [self._firsts[k] for k, parent in enumerate(self._parents) if parent is None]
+        self._trees = list(pairwise((*bounds, self._firsts[-1])))
+        matrix = self._mass_matrix()
+        self._factorisations = [
+            OrderedFactorisation([row[first:] for row in matrix[first:last]])
+            for first, last in self._trees
+        ]
 
     def _pairs(self) -> Iterator[tuple[AbstractBranch, Link]]:
-        return zip(self._tree, self._links, strict=True)
+        return zip(self._branches, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
         """Return the lower triangle of the mass matrix as lists, filled from the leaves to the
@@ -84,7 +112,7 @@ class TreeMechanics:
         At each link, `composites` holds the inertia of the link and of all bodies that it carries,
         as far as their joints transmit that inertia.
         """
-        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self.size)]
+        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
         composites: list[Inertia] = [
             inertia(self._scene.bodies[branch.body], link.centre, central)
             for (branch, link), central in zip(self._pairs(), self._central, strict=True)
@@ -120,41 +148,41 @@ class TreeMechanics:
             k = self._parents[k]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates r, (size,), for generalised forces, (size,), from the factorised mass
-        matrix."""
-        return self._factorisation.solve(forces)
+        """Return the rates r for generalised forces."""
+        trees = zip(self._trees, self._factorisations, strict=True)
+        return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates r, (size,), under wrenches and gravity, without constraints."""
+        """Return the rates r under wrenches and gravity, without constraints."""
         loads = []
-        for k, (branch, link) in enumerate(self._pairs()):
-            force, moment = self._load(branch.body, link, wrenches)
-            central, mass = self._central[k], self._scene.bodies[branch.body].mass
+        for k, (force, moment) in enumerate(self._loads(wrenches)):
+            link, body = self._links[k], self._scene.bodies[self._branches[k].body]
+            central = self._central[k]
             # The accelerations at constant speeds take their share of the load, so the remainder
             # accelerates the speeds.
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
-            loads.append((force - (link.bias - self._weight) * mass, moment - gyroscopic))
+            inertial = (link.bias - self._weights[k]) * body.mass
+            loads.append((force - inertial, moment - gyroscopic))
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces, (size,), of wrenches by name of body."""
-        return self._along_columns(
-            [self._load(branch.body, link, wrenches) for branch, link in self._pairs()]
-        )
+        """Return the generalised forces of wrenches by name of body."""
+        return self._along_columns(list(self._loads(wrenches)))
 
-    def _load(self, name: str, link: Link, wrenches: Wrenches) -> ForceAndMoment:
-        wrench = wrenches.get(name, NO_WRENCH)
-        force = self._axes.transposed_times(wrench.force)
-        return force, link.rotation @ wrench.moment
+    def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
+        """Yield the load on each link."""
+        for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
+            wrench = wrenches.get(branch.body, NO_WRENCH)
+            yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment
 
     def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
-        """Return the generalised forces, (size,), of one load on each link, summed from the leaves
-        to the root."""
+        """Return the generalised forces of one load on each link, summed from the leaves to the
+        root."""
         totals = [
             Twist(moment + link.centre.cross(force), force)
             for (force, moment), link in zip(loads, self._links, strict=True)
         ]
-        forces: Speeds = [0.0] * self.size
+        forces: Speeds = [0.0] * self._firsts[-1]
         for k in reversed(range(len(totals))):
             columns, first = self._links[k].columns, self._firsts[k]
             along = [_product(column, totals[k]) for column in columns]
@@ -167,11 +195,14 @@ class TreeMechanics:
     def bias(self, row: Row) -> Scalar:
         """Return the part of a constraint row's second derivative that remains at zero rates."""
         total: Scalar = 0.0
-        for branch, link in self._pairs():
-            force, moment = self._load(branch.body, link, row.jacobian)
-            bias = link.bias + self._fall
-            total = add(total, add(force.dot(bias), moment.dot(link.angular_bias)))
-        return total
+        of_tree: Scalar = 0.0
+        for k, (force, moment) in enumerate(self._loads(row.jacobian)):
+            if self._parents[k] is None:
+                total, of_tree = add(total, of_tree), 0.0
+            link = self._links[k]
+            bias = link.bias + self._falls[k]
+            of_tree = add(of_tree, add(force.dot(bias), moment.dot(link.angular_bias)))
+        return add(total, of_tree)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
@@ -197,47 +228,45 @@ class TreeMechanics:
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
         accelerations = {}
-        for (branch, link), (twist, _) in zip(self._pairs(), self._per_link(rates), strict=True):
-            linear = twist.linear + twist.angular.cross(link.centre) + link.bias + self._fall
+        for k, (twist, _) in enumerate(self._per_link(rates)):
+            link, fall = self._links[k], self._falls[k]
+            linear = twist.linear + twist.angular.cross(link.centre) + link.bias + fall
             angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
-            accelerations[branch.body] = BodyAcceleration(self._axes @ linear, angular)
+            acceleration = BodyAcceleration(self._axes[k] @ linear, angular)
+            accelerations[self._branches[k].body] = acceleration
         return accelerations
 
-    def variable_rates(self, rates: Speeds) -> dict[str, MotionVariables]:
+    def variable_rates(self, rates: Speeds) -> TreeVariables:
         """Return the time derivatives of each body's variables, by name, for given rates r."""
         return {
-            branch.body: branch.rates(state, part, self._axes, self._gravity)
-            for branch, state, part in self._per_branch(rates)
+            branch.body: branch.rates(state, part, axes, self._gravity)
+            for branch, state, part, axes in self._per_branch(rates)
         }
 
-    def after_displacement(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """Return each body's variables, by name, after a small displacement.
-
-        **Arguments:** `changes`: (size,) displacement along each speed, m or rad, in the form of r:
-        relative to a carrier that does not rotate about the joint's axis.
-        """
+    def after_displacement(self, changes: Speeds) -> TreeVariables:
+        """Return each body's variables, by name, after a small displacement along each speed, m or
+        rad, in the form of r."""
         return {
-            branch.body: branch.after_displacement(state, part, self._axes)
-            for branch, state, part in self._per_branch(changes)
+            branch.body: branch.after_displacement(state, part, axes)
+            for branch, state, part, axes in self._per_branch(changes)
         }
 
-    def after_speed_change(self, changes: Speeds) -> dict[str, MotionVariables]:
-        """Return each body's variables, by name, after sudden changes of the speeds.
-
-        **Arguments:** `changes`: (size,) change of each speed, m/s or rad/s, in the form of r:
-        relative to a carrier that does not rotate about the joint's axis.
-        """
+    def after_speed_change(self, changes: Speeds) -> TreeVariables:
+        """Return each body's variables, by name, after a sudden change of each speed, m/s or rad/s,
+        in the form of r."""
         return {
-            branch.body: branch.after_speed_change(state, part, self._axes)
-            for branch, state, part in self._per_branch(changes)
+            branch.body: branch.after_speed_change(state, part, axes)
+            for branch, state, part, axes in self._per_branch(changes)
         }
 
     def _per_branch(
         self, rates: Speeds
-    ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds]]:
-        """Yield each branch with its variables and its rates u', relative to its carrier."""
-        for branch, (_, part) in zip(self._tree, self._per_link(rates), strict=True):
-            yield branch, self._variables[branch.body], part
+    ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds, Matrix]]:
+        """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
+        of its tree."""
+        links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
+        for branch, (_, part), axes in links:
+            yield branch, self._variables[branch.body], part, axes
 
 
 def _product(first: Twist, second: Twist) -> Scalar:

@@ -5,29 +5,12 @@ clearances are trees. In joint coordinates, a tree has no multipliers, no drift 
 constraints, and few variables. Ideal joints that close a loop remain constraints.
 """
 
-from collections.abc import Iterator
-from typing import TypeAlias
-
-from ...math.rotations import rotation_matrix
-from ...math.vectors import Scalar, add
 from ...model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
-from ...model.joints.base import Motions, Row
+from ...model.joints.base import Motions
 from ...model.scene import Scene
-from ..coordinates import (
-    AbstractCoordinates,
-    AbstractMechanics,
-    BodyAcceleration,
-    MotionVariables,
-    Speeds,
-    Wrenches,
-)
-from .branches import UPRIGHT, AbstractBranch, JointedBranch
-from .composite_rigid_body import TreeMechanics
-from .tree import forest
-
-TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` if a joint carries the body, a `BodyState` if it is
-free."""
+from ..coordinates import AbstractCoordinates, free_motion
+from .branches import UPRIGHT, AbstractBranch, JointedBranch, forest
+from .composite_rigid_body import JointMechanics, TreeVariables
 
 
 class JointCoordinates(AbstractCoordinates):
@@ -66,12 +49,7 @@ class JointCoordinates(AbstractCoordinates):
         If a state violates the joints of the trees, the violation is dropped.
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
-        for name, body in bodies.items():
-            rotation = rotation_matrix(body.orientation)
-            poses[name] = (
-                body.orientation,
-                Motion(body.position, rotation, body.velocity, body.spin),
-            )
+        poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
         return {
             branch.body: branch.encode(poses[branch.parent], poses[branch.body])
             for branch in _branches(scene)
@@ -101,7 +79,7 @@ class JointCoordinates(AbstractCoordinates):
             motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
         return motions
 
-    def mechanics(self, scene: Scene, variables: TreeVariables) -> "JointMechanics":
+    def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
         """Return the equations of motion of all trees."""
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
@@ -123,63 +101,3 @@ class JointCoordinates(AbstractCoordinates):
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
     return [branch for tree in forest(scene) for branch in tree]
-
-
-class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene.
-
-    The list of speeds holds those of the first tree, then those of the second, and so on.
-    """
-
-    def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
-        self.motions = motions
-        self._trees = [TreeMechanics(scene, tree, variables, motions) for tree in forest(scene)]
-
-    def _per_tree(self, numbers: Speeds) -> Iterator[tuple[TreeMechanics, Speeds]]:
-        first = 0
-        for tree in self._trees:
-            yield tree, numbers[first : first + tree.size]
-            first += tree.size
-
-    def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under wrenches and gravity, without constraints."""
-        return [rate for tree in self._trees for rate in tree.free_rates(wrenches)]
-
-    def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces of the wrenches, one for each speed."""
-        return [force for tree in self._trees for force in tree.projected(wrenches)]
-
-    def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates of the speeds that generalised forces cause, from each tree's mass
-        matrix."""
-        return [rate for tree, part in self._per_tree(forces) for rate in tree.solved(part)]
-
-    def bias(self, row: Row) -> Scalar:
-        """Return the sum over all trees of the row's bias; see `AbstractMechanics`."""
-        total: Scalar = 0.0
-        for tree in self._trees:
-            total = add(total, tree.bias(row))
-        return total
-
-    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the acceleration of each body, by name, for given rates of the speeds."""
-        parts = [tree.accelerations(part) for tree, part in self._per_tree(rates)]
-        return {name: body for part in parts for name, body in part.items()}
-
-    def variable_rates(self, rates: Speeds) -> TreeVariables:
-        """Return the time derivatives of each body's variables, by name, for given rates of the
-        speeds."""
-        parts = [tree.variable_rates(part) for tree, part in self._per_tree(rates)]
-        return {name: body for part in parts for name, body in part.items()}
-
-    def after_displacement(self, changes: Speeds) -> TreeVariables:
-        """Return the variables, by name of body, after a small displacement along each speed, m or
-        rad."""
-        parts = [tree.after_displacement(part) for tree, part in self._per_tree(changes)]
-        return {name: body for part in parts for name, body in part.items()}
-
-    def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        """Return the variables, by name of body, after adding a change, m/s or rad/s, to each
-        speed."""
-        parts = [tree.after_speed_change(part) for tree, part in self._per_tree(changes)]
-        return {name: body for part in parts for name, body in part.items()}

@@ -2,22 +2,22 @@
 sweeps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ...model.bodies import State
-from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter
 from ...quantities.base import Quantity
 from ...result_codes import RESULTS, result_number
 from ...simulation.reductions.reductions import AbstractReduction, Peak
-from ...simulation.step.settings import Settings
 from ...sweeps.axes import Axis
-from ...sweeps.sweep import sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 VALUE = "largest_value"
 NEIGHBOURS = 2
@@ -91,69 +91,45 @@ class LaneMargins:
         return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
 
 
-@dataclass(frozen=True)
-class LaneProblem:
-    """The scene, the limits and the settings of the sweeps that compute margins.
+def lane_margins(
+    run: Callable[..., "xr.Dataset"],
+    parameter: Parameter,
+    outputs: Mapping[str, AbstractReduction],
+    limits: Mapping[str, float],
+    draws: Mapping[str, Axis],
+    quantile: float,
+    coordinates: Float[np.ndarray, " n"],
+) -> LaneMargins:
+    """Compute the margins at rising coordinates (n,) of the parameter, with all draws, by one
+    sweep.
 
-    - `outputs`: limited reduction by name; `limits`: its limit by the same name, SI.
-    - `draws`: axes of random numbers by name, of equal length.
-    - `quantile`: share of the draws that must satisfy the limits.
-
-    The other attributes are arguments of `largest_feasible`.
+    **Arguments:** `run`: function that sweeps over axes by name; `outputs`: limited reduction by
+    name; `limits`: its limit by the same name, SI; `draws`: axes of random numbers by name, of
+    equal length; `quantile`: share of the draws that must satisfy the limits.
     """
-
-    scene: Scene
-    state: State
-    end_time: float
-    parameter: Parameter
-    outputs: Mapping[str, AbstractReduction]
-    limits: Mapping[str, float]
-    draws: Mapping[str, Axis]
-    quantile: float
-    settings: Settings
-    start_time: float
-    progress: bool
-
-    def margins(self, coordinates: Float[np.ndarray, " n"]) -> LaneMargins:
-        """Compute the margins at rising coordinates (n,) of the parameter, with all draws, by
-        one sweep."""
-        values = np.array([float(self.parameter.scale.value(u)) for u in coordinates])
-        count = len(next(iter(self.draws.values())).values) if self.draws else 1
-        axes = {VALUE: Axis(self.parameter.variation, np.repeat(values, count))}
-        for name, axis in self.draws.items():
-            axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
-        results = sweep(
-            self.scene,
-            self.state,
-            self.end_time,
-            axes,
-            self.outputs,
-            self.settings,
-            zipped=True,
-            start_time=self.start_time,
-            progress=self.progress,
+    values = np.array([float(parameter.scale.value(u)) for u in coordinates])
+    count = len(next(iter(draws.values())).values) if draws else 1
+    axes = {VALUE: Axis(parameter.variation, np.repeat(values, count))}
+    for name, axis in draws.items():
+        axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
+    results = run(axes=axes, outputs=outputs, zipped=True)
+    successful = results["result"].values == result_number(RESULTS.successful)
+    rows = {}
+    for name, limit in limits.items():
+        # A failed run counts as a violation.
+        peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
+        rows[name] = limit_margins(peaks, limit, quantile)
+    margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+    smallest = min(rows, key=lambda name: float(rows[name][0][0]))
+    first = float(rows[smallest][0][0])
+    peak = "the run with this value fails"
+    if np.isfinite(first):
+        unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
+        peak = (
+            f"`{smallest}` reaches {limit * math.exp(-first):.6g} {unit} with this value, and its "
+            f"limit is {limit:.6g} {unit}"
         )
-        successful = results["result"].values == result_number(RESULTS.successful)
-        rows = {}
-        for name, limit in self.limits.items():
-            # A failed run counts as a violation.
-            peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
-            rows[name] = limit_margins(peaks, limit, self.quantile)
-        margins, low, high = np.min(np.array([*rows.values()]), axis=0)
-        peak = self._peak({name: float(row[0][0]) for name, row in rows.items()})
-        return LaneMargins(coordinates, margins, low, high, peak)
-
-    def _peak(self, margins: Mapping[str, float]) -> str:
-        """Return text on the output with the smallest of the given margins, by name, and its
-        limit."""
-        name = min(margins, key=lambda name: margins[name])
-        if not np.isfinite(margins[name]):
-            return "the run with this value fails"
-        unit, limit = self.outputs[name].units().get("", "1"), self.limits[name]
-        return (
-            f"`{name}` reaches {limit * math.exp(-margins[name]):.6g} {unit} with this value, and "
-            f"its limit is {limit:.6g} {unit}"
-        )
+    return LaneMargins(coordinates, margins, low, high, peak)
 
 
 def limit_margins(

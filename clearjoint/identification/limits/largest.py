@@ -1,7 +1,8 @@
 """Search for the largest value of a parameter for which quantities stay within their limits."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +23,8 @@ from ...simulation.reductions.reductions import AbstractReduction
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
 from ...sweeps.axes import Axis
-from .lanes import LaneMargins, LaneProblem, as_reduction
+from ...sweeps.sweep import sweep
+from .lanes import LaneMargins, as_reduction, lane_margins
 
 QUANTITY = "quantity"
 CLOSE = 2.0
@@ -172,20 +174,17 @@ def largest_feasible(
     _check(scene, quantities, draws, quantile, lanes, tolerance)
     settings = settings_or(settings, presets.derivatives)
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
-    problem = LaneProblem(
+    run = partial(
+        sweep,
         scene,
         state,
         end_time,
-        parameter,
-        outputs,
-        limits,
-        draws,
-        quantile,
-        settings,
-        start_time,
-        progress,
+        settings=settings,
+        start_time=start_time,
+        progress=progress,
     )
-    search = _Search(problem, lanes, tolerance, parameter)
+    margins = partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
+    search = _Search(margins, lanes, tolerance, parameter)
     return search.run(low, high, parameter.variation.unit_in(scene, state))
 
 
@@ -193,12 +192,12 @@ def largest_feasible(
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
-    - `problem`: the sweeps' other arguments.
+    - `margins`: function that runs a sweep at coordinates (n,).
     - `lanes`: number of values in a row.
     - `tolerance`: relative tolerance of the value.
     """
 
-    problem: LaneProblem
+    margins: Callable[[np.ndarray], LaneMargins]
     lanes: int
     tolerance: float
     parameter: Parameter
@@ -208,7 +207,7 @@ class _Search:
 
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
-        lanes = self.problem.margins(np.linspace(low, high, self.lanes))
+        lanes = self.margins(np.linspace(low, high, self.lanes))
         smallest, expected = self._value(low), "a value that satisfies the limits"
         remedy = f"{lanes.peak}; decrease it, or raise the limit"
         require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
@@ -231,7 +230,7 @@ class _Search:
         """
         last, violation = (lanes.coordinates[k] for k in _gap(lanes))
         start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
-        return lanes.with_others(self.problem.margins(np.linspace(start, violation, self.lanes)))
+        return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, lanes: LaneMargins) -> LaneMargins:
         """Add values in intervals that may hide a violation, until these are as narrow as the
@@ -251,7 +250,7 @@ class _Search:
                 start + width * np.arange(1, count) / count
                 for start, width, count in zip(lanes.coordinates, widths, parts, strict=False)
             ]
-            lanes = lanes.with_others(self.problem.margins(np.concatenate(rows)))
+            lanes = lanes.with_others(self.margins(np.concatenate(rows)))
         return lanes
 
     def _result(self, lanes: LaneMargins, value: float, unit: str) -> LargestFeasible:

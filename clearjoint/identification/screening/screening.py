@@ -20,8 +20,7 @@ from jaxtyping import Float
 from ...fields.checks import require, require_count
 from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
-from ..residuals import Experiment, Samples
-from ..searches import Search, best_search
+from ..levenberg_marquardt import Search, best_search
 from ..starts import half_widths
 from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
@@ -136,13 +135,9 @@ def screen(
 ) -> Screened:
     """Screen the box around a guess, and return the points that fit best.
 
-    **Arguments:**
-
-    - `screening`: settings of the box and the rounds.
-    - `lanes`: the runs, and the samples with which they are compared.
-    - `centre`: (p,) coordinates of the guess; `names`: names of the p parameters.
-    - `number`: number of the pass, from 0; it changes the random numbers.
-    - `progress`: whether to show a line.
+    **Arguments:** `lanes`: the runs, and the samples with which they are compared; `centre`: (p,)
+    coordinates of the guess; `names`: names of the p parameters; `number`: number of the pass, from
+    0, which changes the random numbers; `progress`: whether to show a line.
     """
     from scipy.special import chdtri
     from scipy.stats import qmc
@@ -180,40 +175,28 @@ def screen(
             points = np.concatenate([kept, new])
 
 
-@dataclass(frozen=True)
-class Passes:
-    """Repeated screenings around a guess, with searches from the starts that they find.
+def search_screened(
+    screening: Screening,
+    lanes: SideBySide,
+    centre: Float[np.ndarray, " p"],
+    names: Sequence[str],
+    progress: bool,
+    search_from: Callable[[np.ndarray], Search],
+) -> tuple[Screened, ...]:
+    """Screen and search from the starts, until noise explains the smallest chi squared.
 
-    - `screening`: settings of the box and the rounds.
-    - `runs`: simulations with looser tolerances.
-    - `centre`: (p,) coordinates of the guess; `names`: names of the p parameters.
-    - `progress`: whether to show a line.
+    **Arguments:** `search_from`: function that searches from coordinates (p,). The others are those
+    of `screen`.
+
+    **Returns:** the result of each pass.
     """
-
-    screening: Screening
-    runs: Experiment
-    centre: np.ndarray
-    names: tuple[str, ...]
-    progress: bool
-
-    def search(
-        self, data: Samples, search_from: Callable[[np.ndarray], Search]
-    ) -> tuple[Screened, ...]:
-        """Screen and search from the starts, until noise explains the smallest chi squared.
-
-        **Arguments:** `search_from`: function that searches from coordinates (p,).
-
-        **Returns:** the result of each pass.
-        """
-        lanes, degrees_of_freedom = SideBySide(self.runs, data), data.count - len(self.names)
-        searches: list[Search] = []
-        screened: list[Screened] = []
-        for number in range(self.screening.passes):
-            screened.append(
-                screen(self.screening, lanes, self.centre, self.names, number, self.progress)
-            )
-            searches += map(search_from, screened[-1].starts)
-            chi_squared = best_search(searches).best.chi_squared
-            if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
-                break
-        return tuple(screened)
+    degrees_of_freedom = lanes.data.count - len(names)
+    searches: list[Search] = []
+    screened: list[Screened] = []
+    for number in range(screening.passes):
+        screened.append(screen(screening, lanes, centre, names, number, progress))
+        searches += map(search_from, screened[-1].starts)
+        chi_squared = best_search(searches).best.chi_squared
+        if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
+            break
+    return tuple(screened)

@@ -6,22 +6,30 @@ from typing import Annotated
 
 import equinox as eqx
 
-from ...fields.checks import as_number, checkable, require, require_axis, require_positive
+from ...fields.checks import (
+    as_number,
+    require,
+    require_axis,
+    require_numbers,
+    require_positive,
+)
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import wrapped
 from ...math.rotations import unit
-from ...math.vectors import ZERO, Scalar, Vector, add
+from ...math.vectors import ZERO, Scalar, Vector
 from ..contact.damping_factors import ExactRestitution
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, require_flat_law
-from ..contact.limits import Limit
-from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
-from ..joints.constraint_rows import relative_angle_row
-from ..joints.pairs import require_distinct
+from ..contact.laws import AbstractContactLaw
+from ..joints.base import (
+    Contact,
+    Motions,
+    Row,
+    require_distinct,
+)
+from ..joints.constraint_rows import rate_of, relative_angle_row
+from .common import FLANKS, AbstractFlankJoint
 
-FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
-"""Labels of the two contacts, and the sign of the second body's rotation that each flank stops."""
 TURN = 2.0 * math.pi
 WIDE_BACKLASH = 0.5
 """Backlash above which a warning is issued, rad."""
@@ -34,13 +42,7 @@ DEFAULT_RADIUS = 0.01
 def _flank_law(
     radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
 ) -> AbstractContactLaw:
-    """Return a linear contact law whose couple has a given torsional stiffness.
-
-    **Arguments:** `radius`: of the flanks, m. `torsional_stiffness`: N m/rad, must not be ``None``.
-    `restitution`: 0.5 if ``None``.
-
-    **Raises:** `ValueError` if the torsional stiffness is missing or not positive.
-    """
+    """Return a linear law whose couple has a torsional stiffness, N m/rad, at a radius, m."""
     require(
         torsional_stiffness is not None,
         "law",
@@ -55,7 +57,7 @@ def _flank_law(
     return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
 
 
-class Backlash(AbstractContactJoint):
+class Backlash(AbstractFlankJoint):
     """Angular play about an axis: the second body rotates freely between two flanks.
 
     Let theta be the second body's angle about the axis, measured from the middle of the play, and r
@@ -161,36 +163,22 @@ class Backlash(AbstractContactJoint):
 
     def __check_init__(self):
         require_distinct(self.first, self.second)
-        require_flat_law(self.law, "flanks")
 
     def _check_together(self) -> None:
-        if (known := checkable(self.play)) is not None:
-            (play,) = known
-            require(
-                play < TURN,
-                "play",
-                play,
-                "smaller than a full revolution",
-                "give the angle from flank to flank in rad",
-            )
+        require_numbers(
+            lambda play: play < TURN,
+            "play",
+            (self.play,),
+            "smaller than a full revolution",
+            "give the angle from flank to flank in rad",
+        )
 
     def pair(self) -> tuple[str, str]:
         """Return the names of the first and the second body."""
         return self.first, self.second
 
-    def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label, "lower flank" and "upper flank"."""
-        return dict.fromkeys(FLANKS, self.law)
-
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the flank `name` at a penetration, m."""
-        return self.laws()[name].limits(Gap(depth, 0.0))
-
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each flank by label, m.
-
-        It is half of the arc from the flank to the point opposite the middle of the play.
-        """
+        """Return half of the arc from a flank to the point opposite the middle of the play, m."""
         deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
         return dict.fromkeys(FLANKS, deepest)
 
@@ -204,7 +192,7 @@ class Backlash(AbstractContactJoint):
         row = self.relative_angle(motions)
         # The angle modulo 2 pi allows any number of revolutions, with unchanged derivatives.
         angle = wrapped(row.value - self.middle, TURN)
-        speed = add(*(motions[name].power(row.jacobian[name]) for name in self.pair()))
+        speed = rate_of(row, motions)
         axis = motions[self.first].direction(unit(self.axis_first))
         return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
 
@@ -214,27 +202,7 @@ class Backlash(AbstractContactJoint):
         first, second = (row.jacobian[name].moment * arm for name in self.pair())
         return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
 
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return ``None``: a contact that acts as a couple has no slip, and so no friction."""
-        del name, contact, normal_force
-
-    def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the second body's angle in the middle of the play."""
-        return CentredBacklash(self)
-
-
-class CentredBacklash(AbstractConstraint):
-    """Constraint that holds two bodies in the middle of their backlash; one row."""
-
-    backlash: Backlash
-
-    def body_names(self) -> tuple[str, ...]:
-        """Return the names of the first and the second body."""
-        return self.backlash.pair()
-
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
         """Return the row "angle": the second body's angle from the middle of the play, rad."""
-        del t
-        row = self.backlash.relative_angle(motions)
-        angle = wrapped(row.value - self.backlash.middle, TURN)
-        return {"angle": replace(row, value=angle)}
+        row = self.relative_angle(motions)
+        return {"angle": replace(row, value=wrapped(row.value - self.middle, TURN))}

@@ -7,22 +7,25 @@ from ...fields.checks import require_point
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar, Vector, subtract
+from ...math.vectors import Scalar, subtract
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, slip_velocity
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import AbstractSharedLawJoint, anchor_of, offset_between, require_smaller_clearance
+from .common import (
+    AbstractCentredJoint,
+    require_smaller_clearance,
+    slip_at,
+)
 
 CONTACT = "ball"
 
 
-class BallInSocket(AbstractSharedLawJoint):
+class BallInSocket(AbstractCentredJoint):
     """A ball in a slightly larger socket: a spherical joint with clearance.
 
     The joint has one contact, "ball", along the line of centres. Its penetration is e - c for an
@@ -74,10 +77,6 @@ class BallInSocket(AbstractSharedLawJoint):
     def _caution_together(self) -> None:
         caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
 
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the socket's body and the ball's body."""
-        return self.socket_body, self.ball_body
-
     def contact_labels(self) -> tuple[str, ...]:
         """Return the label of the only contact, "ball"."""
         return (CONTACT,)
@@ -90,15 +89,10 @@ class BallInSocket(AbstractSharedLawJoint):
         )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contact by label, "ball".
-
-        Its normal points from the socket's centre to the ball's.
-        """
+        """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         centres = self.socket_point, self.ball_point
-        eccentricity, normal = norm_and_direction(
-            offset_between(self.pair(), (socket, ball), centres)
-        )
+        eccentricity, normal = norm_and_direction(self._offset(motions))
         velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
         radii = self.socket_radius, self.clearance
         gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
@@ -108,8 +102,7 @@ class BallInSocket(AbstractSharedLawJoint):
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
         slip = None
         if self.friction is not None:
-            sliding = ball.velocity_at(on_ball) - socket.velocity_at(on_socket)
-            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+            slip = slip_at(socket, ball, on_socket, on_ball, normal)
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
@@ -126,24 +119,12 @@ class BallInSocket(AbstractSharedLawJoint):
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the spherical joint that holds the ball where a load presses it to the wall.
-
-        Return ``None`` if the load is zero.
-
-        **Arguments:** `load`: (3,) N, force of the ball on the socket, in the socket's body axes.
-        """
+        """Return the spherical joint that holds the ball where a load, (3,) N, presses it."""
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
         centre = self.socket_point + self.clearance / size * load
         return SphericalJoint(*self.pair(), centre, self.ball_point)
-
-    def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the centres on this body and on the ground, m.
-
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
-        return anchor_of(self.pair(), (self.socket_point, self.ball_point))
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a ball in a socket."""

@@ -24,13 +24,12 @@ from ...fields.checks import (
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
-from ...math.vectors import Scalar, Vector, subtract
-from ..bodies import Motion
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Scalar, Vector, add, subtract
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
 from ..joints.base import (
     AbstractConstraint,
     Attachment,
@@ -42,25 +41,25 @@ from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
-from .bearing_surfaces import SHOULDERS, BearingWall, shoulder_contact
 from .common import (
-    AbstractSharedLawJoint,
-    anchor_of,
-    offset_at_wall,
-    offset_between,
+    LEAST_TRANSVERSE_LOAD,
+    AbstractCentredJoint,
     require_smaller_clearance,
+    slip_at,
 )
-from .journal_bases import BASES, SIDES, JournalBases
+from .journal_bases import BASES, SIDES, JournalBase, JournalBases
 
 WIDEST_CLEARANCE = 0.1
 """Ratio of clearance to bearing radius above which a warning is issued."""
 LARGEST_BEARING = 2.0
 """Bearing radius above which a warning is issued, m."""
+SHOULDERS = ("lower shoulder", "upper shoulder")
+"""Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued."""
 
 
-class ClearanceJoint(AbstractSharedLawJoint):
+class ClearanceJoint(AbstractCentredJoint):
     """A revolute joint with clearance: a journal inside a slightly larger bearing.
 
     **Arguments:**
@@ -188,10 +187,6 @@ class ClearanceJoint(AbstractSharedLawJoint):
         """Bearing radius minus clearance, m."""
         return self.bearing_radius - self.clearance
 
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the bearing's body and the journal's body."""
-        return self.bearing_body, self.journal_body
-
     def contact_labels(self) -> tuple[str, ...]:
         """Return the labels of the contacts that use `law` and `friction`: bases "V" and "W"."""
         return BASES
@@ -204,52 +199,77 @@ class ClearanceJoint(AbstractSharedLawJoint):
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: "V" and "W", and "lower shoulder" and "upper shoulder" if
-        the axial policy has shoulders.
-        """
+        """Return the normal law by label: "V" and "W", and those of shoulders."""
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of both bases by label, m.
-
-        It is the journal's radius: there the journal's axis leaves the bearing.
-        """
+        """Return the journal's radius, m: there the journal's axis leaves the bearing."""
         return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a contact's normal law.
-
-        **Arguments:** `name`: label of a base or shoulder. `depth`: penetration, m.
-        """
+        """Return the validity limits of the law of a base or shoulder at a penetration, m."""
         radii = (self.bearing_radius, self.clearance) if name in BASES else ()
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of each contact by label: bases, and shoulders if there are any."""
-        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         bases = self.journal_bases(motions)
-        wall = BearingWall(
-            self.bearing_point, self.bearing_axis, self.bearing_radius, self.clearance
-        )
         contacts = {
-            label: wall.contact(bearing, journal, bases.at(sign), self.friction is not None)
+            label: self._wall_contact(motions, bases.at(sign))
             for sign, label in zip(SIDES, BASES, strict=True)
         }
         if self.axial.shoulder_law() is not None:
             facing = bases.facing()
             for side, label in zip(SIDES, SHOULDERS, strict=True):
-                contacts[label] = shoulder_contact(
-                    self.axial, self.journal_length, side, bases.at(side * facing)
-                )
+                contacts[label] = self._shoulder_contact(side, bases.at(side * facing))
         return contacts
+
+    def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
+        """Return the contact of one base with the wall (Flores et al. 2006, eqs 10-21)."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        # From the bearing's axis to the journal's centre, and from there to the base.
+        eccentricity, normal = norm_and_direction(base.centre + base.arm)
+        depth = self._depth(base, eccentricity)
+        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
+        along = base.axis * base.height
+        # The points of eqs (15)-(16) are a penetration apart, so that friction there would leave a
+        # net moment. It acts on both bodies at the point midway between the surfaces.
+        shift = 0.0 if self.friction is None else 0.5 * gap.depth
+        to_wall = along + normal * add(self.bearing_radius, shift)
+        on_bearing = self.bearing_point + bearing.components(to_wall)
+        on_journal = base.local + journal.components(normal * subtract(gap.journal_radius, shift))
+        slip = None
+        if self.friction is not None:
+            slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
+        on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
+        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+
+    def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
+        """Return the penetration, m: eccentricity minus clearance, from the difference of their
+        squares.
+
+        A direct subtraction would round differently at the two bases, and repeated impacts amplify
+        the difference to a misalignment. Here the term with the largest rounding error is the same
+        for both bases.
+        """
+        common = base.centre.dot(base.centre) - self.clearance * self.clearance
+        difference = base.arm.dot(base.centre * 2.0 + base.arm)
+        return (common + difference) / (eccentricity + self.clearance)
+
+    def _shoulder_contact(self, side: float, base: JournalBase) -> Contact:
+        """Return the contact with the shoulder at the end -1.0 or 1.0 of the base that faces it."""
+        outward = base.axis * side
+        offset = side * base.height - 0.5 * self.journal_length
+        gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
+        return Contact(gap, outward, base.on_bearing, base.local, None)
 
     def journal_bases(self, motions: Motions) -> JournalBases:
         """Return the calculator of position and velocity of the journal's bases."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
-        centre = self._offset(bearing, journal)
+        centre = self._offset(motions)
         return JournalBases(bearing, journal, *points, axis, half, centre)
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
@@ -261,7 +281,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         **Arguments:** `base`: "V" or "W", or ``None``, the default, for the journal's centre.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        offset = self._offset(bearing, journal)
+        offset = self._offset(motions)
         if base is not None:
             signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
             offset = offset + journal.direction(self._half()) * signs[base]
@@ -271,10 +291,7 @@ class ClearanceJoint(AbstractSharedLawJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis as a row.
-
-        The row's value is in rad within (-pi, pi].
-        """
+        """Return the journal's angle about the bearing's axis, rad in (-pi, pi], as a row."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
@@ -286,59 +303,38 @@ class ClearanceJoint(AbstractSharedLawJoint):
         """
         if not self._is_free():
             return None
-        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        height = self._offset(bearing, journal).dot(bearing.direction(unit(self.bearing_axis)))
+        bearing = motions[self.bearing_body]
+        height = self._offset(motions).dot(bearing.direction(unit(self.bearing_axis)))
         return abs(height) - self.journal_length
 
     def _is_free(self) -> bool:
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint without clearance: a revolute joint, or a cylindrical joint if the
-        journal is axially free.
-        """
+        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall.
-
-        Return ``None`` if the load has no component across the axis.
-
-        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
-        bearing's body.
-        """
-        offset = offset_at_wall(self.bearing_axis, self.clearance, load)
-        return None if offset is None else self._ideal(self.bearing_point + offset)
+        """Return the ideal joint that holds the journal where a load, (3,) N, presses it."""
+        along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ along) * along
+        size = np.linalg.norm(across)
+        if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+            return None
+        return self._ideal(self.bearing_point + self.clearance / size * across)
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint that holds the journal's centre at a point of the bearing's body,
-        (3,) m.
-        """
+        """Return the joint that holds the journal's centre at a point of the bearing, (3,) m."""
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), *points, *axes)
-
-    def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the joint's centres on this body and on the ground, m.
-
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
-        return anchor_of(self.pair(), (self.bearing_point, self.journal_point))
-
-    def _offset(self, bearing: Motion, journal: Motion) -> Vector:
-        """Return the vector from the bearing's centre to the journal's, m, global axes (eq. 8)."""
-        points = self.bearing_point, self.journal_point
-        return offset_between(self.pair(), (bearing, journal), points)
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
-
-        Its value is the distance of the journal's centre from the bearing's middle plane, m.
-        """
+        """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
         del t
         if not self.axial.holds_centre:
             return {}

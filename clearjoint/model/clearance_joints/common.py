@@ -1,21 +1,32 @@
-"""Shared parts of the clearance joints: common base class, argument checks, positions at a wall."""
+"""Shared parts of the clearance joints: base classes, argument checks, flat walls."""
 
 import abc
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import as_shown, checkable, require
+from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
-from ...math.vectors import Scalar, Vector
+from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
-from ..joints.base import AbstractContactJoint, Contact
-from ..joints.pairs import require_distinct
+from ..contact.gap import Gap, Limit, slip_velocity
+from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Contact,
+    Motions,
+    Row,
+    require_distinct,
+)
 
+FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
+"""Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
 """Largest cosine of the angle between two directions that count as perpendicular."""
 
@@ -24,33 +35,79 @@ LEAST_TRANSVERSE_LOAD = 1e-6
 error."""
 
 
-class AbstractSharedLawJoint(AbstractContactJoint):
-    """Base class of clearance joints whose contacts share one normal law and one friction law.
+class AbstractFrictionlessJoint(AbstractContactJoint):
+    """Base class of joints whose contacts share the normal law `law` and have no friction."""
 
-    `law` is the normal law; `friction` is the friction law, or ``None``.
-    """
-
-    law: eqx.AbstractVar[AbstractContactLaw]
-    friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
-
-    def __check_init__(self):
-        require_distinct(*self.pair())
-        require_law_and_friction(self.law, self.friction)
+    if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
+        law: ClassVar[AbstractContactLaw]
+    else:
+        law: eqx.AbstractVar[AbstractContactLaw]
 
     @abc.abstractmethod
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that share `law` and `friction`."""
+        """Return the labels of the contacts that share `law`, and `friction` if there is any."""
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes.
+        """Return ``None``: there is no friction."""
+        del name, contact, normal_force
 
-        It is ``None`` without friction. The bristle law of steady sliding is used for a joint with
-        bristles.
-        """
+
+class AbstractFlankJoint(AbstractFrictionlessJoint):
+    """Base class of joints with two flanks, which the second body touches as it rotates."""
+
+    def __check_init__(self):
+        require_flat_law(self.law, "flanks")
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return "lower flank" and "upper flank"."""
+        return tuple(FLANKS)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of the flank `name` at a penetration, m."""
+        return self.laws()[name].limits(Gap(depth, 0.0))
+
+    @abc.abstractmethod
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
+        """Return the row that holds the second body in the middle of the play."""
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the constraint that holds the second body in the middle of the play."""
+        return CentredInPlay(self)
+
+
+class CentredInPlay(AbstractConstraint):
+    """Constraint that holds two bodies in the middle of their backlash; one row."""
+
+    joint: AbstractFlankJoint
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.joint.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the row of the joint."""
+        del t
+        return self.joint.centred_rows(motions)
+
+
+class AbstractSharedLawJoint(AbstractFrictionlessJoint):
+    """Base class of clearance joints whose contacts share a normal law and a friction law.
+
+    `friction` is the friction law, or ``None``.
+    """
+
+    friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
+
+    def __check_init__(self):
+        require_distinct(*self.pair())
+        require_law_and_friction(self.law, self.friction)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction on the second body, N; with bristles that of steady sliding."""
         del name
         if self.friction is None or contact.slip is None:
             return None
@@ -64,10 +121,7 @@ class AbstractSharedLawJoint(AbstractContactJoint):
 
 
 def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
-
-    **Raises:** `ValueError` that names the argument `law` or `friction`.
-    """
+    """Check the classes of a normal law and of a friction law; the friction may be ``None``."""
     kinds = {
         "law": (law, (AbstractContactLaw,)),
         "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
@@ -90,21 +144,18 @@ def _remedy(value: object, names: str) -> str:
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m.
-
-    `radius_name` names the radius in the message of the `ValueError`.
-    """
-    if (known := checkable(clearance, radius)) is not None:
-        width, size = known
-        expected = f"smaller than {radius_name} {as_shown(size)} m"
-        require(width < size, "clearance", width, expected, "check the units (m)")
+    """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`."""
+    require_numbers(
+        lambda width, size: width < size,
+        "clearance",
+        (clearance, radius),
+        f"smaller than {radius_name} {{1}} m",
+        "check the units (m)",
+    )
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction, (3,), is perpendicular to an axis, (3,).
-
-    `argument` and `other` name the direction and the axis in the message of the `ValueError`.
-    """
+    """Check that a direction, (3,), is perpendicular to another one, an axis, (3,)."""
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
@@ -117,58 +168,36 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
         )
 
 
-def anchor_of(
-    bodies: tuple[str, str], points: tuple[Vector, Vector]
-) -> tuple[str, Vector, Vector] | None:
-    """Return the anchor of a joint with the ground: a point of the moving body near a fixed point.
+class AbstractCentredJoint(AbstractSharedLawJoint):
+    """Base class of joints that hold a point of one body near a point of another.
 
-    The anchor consists of the moving body's name, the joint's point on this body, m in its axes,
-    and the joint's point on the ground, m. It is ``None`` if neither body is the ground.
-
-    **Arguments:** `bodies`: names of the first and the second body. `points`: the joint's point on
-    each, m in body axes.
+    The two points are those of `attachments`.
     """
-    (first, second), (point_first, point_second) = bodies, points
-    if first == GROUND:
-        return second, point_second, point_first
-    if second == GROUND:
-        return first, point_first, point_second
-    return None
 
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+        (_, first, _), (_, second, _) = self.attachments()
+        return first, second
 
-def offset_between(
-    bodies: tuple[str, str], motions: tuple[Motion, Motion], points: tuple[Vector, Vector]
-) -> Vector:
-    """Return the vector from a point of the first body to a point of the second, m, global axes.
-
-    If one body is the ground, the difference is taken relative to the anchor of the moving body.
-    The difference of two large coordinates would lose digits.
-
-    **Arguments:** `bodies`: names of the two bodies. `motions`: their motions. `points`: a point of
-    each body, m in body axes.
-    """
-    (first, second), (point_first, point_second) = motions, points
-    if bodies[1] == GROUND:
-        return -first.point_from(point_second, point_first)
-    return second.point_from(first.point(point_first), point_second)
-
-
-def offset_at_wall(
-    axis: Triple, clearance: Single, load: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "3"] | None:
-    """Return the offset from the bearing's centre of a journal that a load presses to the wall.
-
-    The offset is (3,) m. It is ``None`` if the load has no component across the axis. All vectors
-    are in the axes of the bearing's body.
-
-    **Arguments:** `axis`: of the bearing, (3,), any length. `clearance`: m. `load`: (3,) N.
-    """
-    along = np.asarray(axis) / np.linalg.norm(axis)
-    across = load - (load @ along) * along
-    size = np.linalg.norm(across)
-    if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the moving body's name, and the centres on this body and on the ground, m."""
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if first == GROUND:
+            return second, on_second, on_first
+        if second == GROUND:
+            return first, on_first, on_second
         return None
-    return clearance / size * across
+
+    def _offset(self, motions: Motions) -> Vector:
+        """Return the vector from the first point to the second, m, global axes (eq. 8).
+
+        If one body is the ground, the difference is taken relative to the anchor of the moving
+        body. The difference of two large coordinates would lose digits.
+        """
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if second == GROUND:
+            return -motions[first].point_from(on_second, on_first)
+        return motions[second].point_from(motions[first].point(on_first), on_second)
 
 
 def offset_at_flat_wall(
@@ -187,3 +216,47 @@ def offset_at_flat_wall(
     if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
         return None
     return clearance * np.sign(component) * upward
+
+
+def slip_at(
+    first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
+) -> Vector:
+    """Return the slip of two surfaces at a point of each body, m/s in global axes."""
+    sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
+    return slip_velocity(sliding, normal, sliding.dot(normal))
+
+
+@dataclass(frozen=True)
+class FlatWall:
+    """A flat wall of the first body that stops a part of the second body.
+
+    - `origin`: a point in front of the wall, m in the first body's axes.
+    - `normal`: unit vector in the first body's axes, from the origin to the wall.
+    - `room`: distance of the part's centre from the origin when it touches the wall, m.
+    """
+
+    origin: Vector
+    normal: Vector
+    room: Scalar
+
+    def contact(
+        self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
+    ) -> Contact:
+        """Return the contact of a cylinder, sphere or corner of the second body with the wall.
+
+        **Arguments:** `centre`: of the part, m in the second body's axes. `radius`: of the part, m;
+        0.0 for a corner. `has_friction`: whether the contact needs a slip.
+        """
+        normal = first.direction(self.normal)
+        apart = second.point(centre) - first.point(self.origin)
+        depth = subtract(apart.dot(normal), self.room)
+        centre_in_first = self.origin + first.components(apart)
+        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
+        sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
+        gap = Gap(depth, sliding.dot(normal))
+        # Friction acts on both bodies at one point, midway between the surfaces.
+        to_surface = subtract(radius, 0.5 * depth)
+        on_first = centre_in_first + self.normal * to_surface
+        on_second = centre + second.components(normal * to_surface)
+        slip = slip_at(first, second, on_first, on_second, normal) if has_friction else None
+        return Contact(gap, normal, on_first, on_second, slip, centre_in_first, centre)

@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 from ...fields.checks import (
-    as_shown,
     caution_above,
-    checkable,
     concrete,
-    require,
     require_axis,
+    require_numbers,
     require_shape,
 )
 from ...fields.declarations import quantity
@@ -20,13 +18,16 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, require_flat_law
-from ..contact.limits import Limit
-from ..joints.base import AbstractConstraint, AbstractContactJoint, Contact, Motions, Row
+from ..contact.laws import AbstractContactLaw
+from ..joints.base import (
+    AbstractPairAtPoints,
+    Contact,
+    Motions,
+    Row,
+)
 from ..joints.constraint_rows import Pose, rows_from_residual
-from ..joints.pairs import AbstractPairAtPoints
 from ..pen import AbstractPen
-from .backlash import FLANKS
+from .common import FLANKS, AbstractFlankJoint
 
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m."""
@@ -63,14 +64,7 @@ class LineOfCentres:
     def between(
         first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
     ) -> "LineOfCentres":
-        """Return the line of centres of two gears.
-
-        **Arguments:**
-
-        - `first`, `second`: motions of the gears' bodies.
-        - `centre_first`, `centre_second`: centre of each gear, m in its body's axes.
-        - `axis`: of the first gear, in its body's axes, any length.
-        """
+        """Return the line between two centres, m, about an axis, in the bodies' axes."""
         axis = first.direction(unit(axis))
         apart = second.point(centre_second) - first.point(centre_first)
         height = apart.dot(axis)
@@ -78,13 +72,7 @@ class LineOfCentres:
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of the line of centres as seen from a gear, rad within (-pi, pi].
-
-        The angle is measured about the gear's axis from the first of its `transverse_axes`, which
-        are fixed to the gear.
-
-        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
-        """
+        """Return the line's angle in a gear's axes, rad, from the first of `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
@@ -92,18 +80,16 @@ class LineOfCentres:
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        require(
-            (number == number.round()) & (abs(number) >= 1.0),
-            argument,
-            number,
-            "a whole number",
-            "count the teeth; use a negative number for an internal second gear",
-        )
+    require_numbers(
+        lambda number: (number == number.round()) & (abs(number) >= 1.0),
+        argument,
+        (value,),
+        "a whole number",
+        "count the teeth; use a negative number for an internal second gear",
+    )
 
 
-class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
+class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     r"""Two spur gears in mesh, with backlash between their involute teeth.
 
     $$\delta = \pm s - (r_1 + r_2) (\mathrm{inv}\, \alpha' - \mathrm{inv}\, \alpha) - \frac{j}{2}
@@ -186,28 +172,21 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     )
     phase: Single = quantity("rad", shape=(), default=0.0)
 
-    def __check_init__(self):
-        require_flat_law(self.law, "flanks")
-
     def _check_together(self) -> None:
-        if (known := checkable(self.teeth_first, self.teeth_second)) is not None:
-            first, second = known
-            require(
-                (first > 0.0) & ((second > 0.0) | (-second > first)),
-                "teeth_second",
-                second,
-                f"positive, or more than the first gear's {as_shown(first)} for an internal gear",
-                "name the inner gear first, with a positive number, and the internal one second",
-            )
-        if (known := checkable(self.backlash, self.module)) is not None:
-            backlash, module = known
-            require(
-                backlash < math.pi * module,
-                "backlash",
-                backlash,
-                f"smaller than the pitch of {as_shown(math.pi * module)} m",
-                "check the units (m)",
-            )
+        require_numbers(
+            lambda second, first: (first > 0.0) & ((second > 0.0) | (-second > first)),
+            "teeth_second",
+            (self.teeth_second, self.teeth_first),
+            "positive, or more than the first gear's {1} for an internal gear",
+            "name the inner gear first, with a positive number, and the internal one second",
+        )
+        require_numbers(
+            lambda backlash, pitch: backlash < pitch,
+            "backlash",
+            (self.backlash, math.pi * self.module),
+            "smaller than the pitch of {1} m",
+            "check the units (m)",
+        )
 
     def _caution_together(self) -> None:
         module = concrete(self.module)
@@ -220,19 +199,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         """Return the names of the first and the second gear's body."""
         return self.first, self.second
 
-    def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label, "lower flank" and "upper flank"."""
-        return dict.fromkeys(FLANKS, self.law)
-
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the flank `name` at a penetration, m."""
-        return self.laws()[name].limits(Gap(depth, 0.0))
-
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each flank by label, m.
-
-        It is half of a tooth's thickness along the line of action.
-        """
+        """Return half of a tooth's thickness along the line of action, m, for both flanks."""
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
         return dict.fromkeys(FLANKS, deepest)
@@ -246,12 +214,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the gears' displacement s along the line of action from the middle of the play, m.
-
-        It is taken modulo the base pitch, and positive towards the upper flank.
-
-        **Arguments:** `first`, `second`: motions of the gears' bodies.
-        """
+        """Return the displacement s from the middle of the play, m, modulo the base pitch."""
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
         # The second axis may be antiparallel to the first: its angle then counts backwards.
@@ -266,10 +229,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         return LineOfCentres.between(first, second, *points, self.axis_first)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contacts by label, "lower flank" and "upper flank".
-
-        Both forces act at the pitch point.
-        """
+        """Return the contacts of both flanks by label; both forces act at the pitch point."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         at_first, at_second = self._pitch_point(first, second, line)
@@ -301,10 +261,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
     def _pitch_point(
         self, first: Motion, second: Motion, line: LineOfCentres
     ) -> tuple[Vector, Vector]:
-        """Return the pitch point, m in the axes of the first body and in those of the second.
-
-        It divides the line of centres in the ratio of the numbers of teeth.
-        """
+        """Return the point that divides the line in the ratio of teeth, m in each body's axes."""
         share = self.teeth_first / (self.teeth_first + self.teeth_second)
         from_first = line.along * (line.distance * share)
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
@@ -313,13 +270,15 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
             self.point_second + second.components(from_second),
         )
 
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return ``None``: the mesh has no friction."""
-        del name, contact, normal_force
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
+        """Return the row "mesh": the displacement from the middle of the play, m."""
 
-    def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the gears' teeth in the middle of the play."""
-        return CentredMesh(self)
+        def residual(first: Pose, second: Pose) -> tuple[Scalar]:
+            poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
+            return (self.displacement(*poses),)
+
+        names, *bodies = self._between(motions)
+        return rows_from_residual(names, ("mesh",), residual, *bodies)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw two gears, with a tooth of the second in a gap of the first."""
@@ -329,26 +288,3 @@ class GearBacklash(AbstractPairAtPoints, AbstractContactJoint):
         teeth = self.teeth_first, self.teeth_second
         pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
         pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
-
-
-class CentredMesh(AbstractConstraint):
-    """Constraint that holds two gears in the middle of their backlash; one row."""
-
-    gears: GearBacklash
-
-    def body_names(self) -> tuple[str, ...]:
-        """Return the names of the gears' bodies."""
-        return self.gears.pair()
-
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh": the displacement along the line of action from the middle of the
-        play, m.
-        """
-        del t
-
-        def residual(first: Pose, second: Pose) -> tuple[Scalar]:
-            poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
-            return (self.gears.displacement(*poses),)
-
-        names = self.gears.pair()
-        return rows_from_residual(names, ("mesh",), residual, *(motions[name] for name in names))

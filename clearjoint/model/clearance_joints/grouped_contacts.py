@@ -5,6 +5,7 @@ Each method of a joint or law is mapped over the group, so that user-defined cla
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
@@ -54,28 +55,24 @@ class GroupedContactJoint(AbstractContactJoint):
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of each contact by label, with arrays (N,) over the group."""
+        return self._each_at(motions, "contacts")
+
+    def _each_at(self, motions: Motions, method: str) -> PyTree:
         names = self.joint.pair()
 
-        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Contact]:
-            return joint.contacts(dict(zip(names, pair, strict=True)))
+        def of(joint: AbstractContactJoint, *pair: Motion) -> PyTree:
+            return getattr(joint, method)(dict(zip(names, pair, strict=True)))
 
         return each(of, self.joint, motions[self.first], motions[self.second])
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the wrenches of the films by name of the group of bodies."""
-        names = self.joint.pair()
-
-        def of(joint: AbstractContactJoint, *pair: Motion) -> dict[str, Wrench]:
-            return joint.film_wrenches(dict(zip(names, pair, strict=True)))
-
-        wrenches = each(of, self.joint, motions[self.first], motions[self.second])
-        groups = dict(zip(names, self.pair(), strict=True))
+        wrenches = self._each_at(motions, "film_wrenches")
+        groups = dict(zip(self.joint.pair(), self.pair(), strict=True))
         return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction forces on the second bodies, N in global axes; ``None`` without
-        friction.
-        """
+        """Return the friction forces, N in global axes; ``None`` without friction."""
 
         def of(
             joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
@@ -133,36 +130,24 @@ class GroupedBristleLaw(AbstractBristleFriction):
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
 
+    def _each(self, method: str, *arguments: Vector | Scalar) -> PyTree:
+        def of(joint: AbstractContactJoint, *arguments: Vector | Scalar) -> PyTree:
+            return getattr(joint.bristle_laws()[self.label], method)(*arguments)
+
+        return each(of, self.joint, *arguments)
+
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return the rates of the deflections, m/s, for deflections, m, and slips, m/s."""
-
-        def of(joint: AbstractContactJoint, deflection: Vector, slip: Vector) -> Vector:
-            return joint.bristle_laws()[self.label].rate(deflection, slip)
-
-        return each(of, self.joint, deflection, slip)
+        return self._each("rate", deflection, slip)
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the ratios of friction to normal force, for deflections, m, their rates, m/s, and
-        slips, m/s.
-        """
-
-        def of(joint: AbstractContactJoint, *vectors: Vector) -> Vector:
-            return joint.bristle_laws()[self.label].ratio(*vectors)
-
-        return each(of, self.joint, deflection, rate, slip)
+        """Return the ratios for deflections, m, their rates, m/s, and slips, m/s."""
+        return self._each("ratio", deflection, rate, slip)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
         """Return the ratios of friction to normal force in steady dry sliding at a speed in m/s."""
-
-        def of(joint: AbstractContactJoint, slip_speed: Scalar) -> Scalar:
-            return joint.bristle_laws()[self.label].sliding_ratio(slip_speed)
-
-        return each(of, self.joint, slip_speed)
+        return self._each("sliding_ratio", slip_speed)
 
     def full_deflection(self) -> Scalar:
         """Return the approximate deflections in steady sliding, m."""
-
-        def of(joint: AbstractContactJoint) -> Scalar:
-            return jnp.asarray(joint.bristle_laws()[self.label].full_deflection(), float)
-
-        return each(of, self.joint)
+        return jnp.asarray(self._each("full_deflection"), float)

@@ -1,30 +1,31 @@
-"""Revolute joint with clearance and a lubricant film."""
+"""A revolute joint with clearance and a lubricant film, and the equilibrium of its journal."""
+
+from functools import wraps
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
+from jaxtyping import Complex, Float, PyTree
 
-from ...fields.checks import require
+from ...compilation import Compiled
+from ...fields.checks import require, require_positive, require_shape
+from ...fields.conversion import on_device
 from ...fields.declarations import quantity
-from ...fields.types import Single
+from ...fields.types import ArrayLike, Single
 from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
-from ...math.vectors import Scalar, Vector
+from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import NO_WRENCH, Wrench
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.gap import Gap
+from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
-from ..contact.limits import Limit, caution_beyond
-from ..film.laws import AbstractFilm, FilmGap
+from ..films import AbstractFilm, FilmGap
 from ..joints.base import (
-    AbstractConstraint,
     AbstractContactJoint,
-    Attachment,
-    Contact,
     Motions,
-    Row,
 )
-from ..pen import AbstractPen
 from .clearance import ClearanceJoint
 from .journal_bases import BASES, SIDES, JournalBase
 
@@ -35,10 +36,7 @@ NODES, WEIGHTS = (
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return a factor that rises smoothly with the penetration, from 0 to 1.
-
-    It is 0 at a `depth` of 0 m or less, and 1 from the depth `transition`, m, onwards.
-    """
+    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m."""
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
@@ -94,6 +92,16 @@ class BlendedContactLaw(AbstractContactLaw):
 
 THINNEST_FILM = 1e-3
 """Smallest allowed ratio of film thickness to clearance."""
+
+
+def _of_dry_joint(name: str) -> PyTree:
+    """Return a method that calls the method `name` of the field `dry`."""
+
+    @wraps(getattr(ClearanceJoint, name))
+    def method(self: "LubricatedJoint", *arguments: PyTree, **options: PyTree) -> PyTree:
+        return getattr(self.dry, name)(*arguments, **options)
+
+    return method
 
 
 class LubricatedJoint(AbstractContactJoint):
@@ -166,28 +174,30 @@ class LubricatedJoint(AbstractContactJoint):
         """Radial clearance, m."""
         return self.dry.clearance
 
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the bearing's body and the journal's body."""
-        return self.dry.pair()
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal, m in body axes."""
-        return self.dry.attachments()
+    pair = _of_dry_joint("pair")
+    attachments = _of_dry_joint("attachments")
+    contacts = _of_dry_joint("contacts")
+    rows = _of_dry_joint("rows")
+    friction_force = _of_dry_joint("friction_force")
+    bristle_laws = _of_dry_joint("bristle_laws")
+    deepest = _of_dry_joint("deepest")
+    law_limits = _of_dry_joint("law_limits")
+    journal_offset = _of_dry_joint("journal_offset")
+    relative_angle = _of_dry_joint("relative_angle")
+    slid_out = _of_dry_joint("slid_out")
+    centred_joint = _of_dry_joint("centred_joint")
+    resting_joint = _of_dry_joint("resting_joint")
+    anchor = _of_dry_joint("anchor")
+    draw = _of_dry_joint("draw")
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: blended for the bases "V" and "W", unchanged for
-        shoulders.
-        """
+        """Return the normal law by label: blended for the bases, unchanged for shoulders."""
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
             if name in BASES
             else law
             for name, law in self.dry.laws().items()
         }
-
-    def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label, which is that of the dry joint."""
-        return self.dry.contacts(motions)
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
@@ -199,10 +209,7 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film on the bearing's and on the journal's body.
-
-        **Arguments:** `motions`: of the bodies by name. `base`: position and velocity of the base.
-        """
+        """Return the wrenches of half the film on the bearing's and on the journal's body."""
         bearing, journal = (motions[name] for name in self.pair())
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
@@ -224,13 +231,9 @@ class LubricatedJoint(AbstractContactJoint):
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
         """Return the input of the film law, with an eccentricity ratio limited to `largest_ratio`.
 
-        **Arguments:**
-
-        - `axis`: of the bearing, a global unit vector.
-        - `eccentricity`: vector from the bearing's axis to the base's centre, m, global axes.
-        - `velocity`: of the journal's body relative to the bearing's, at the point midway between
-          the two axes, m/s, global axes.
-        - `spin`: of the journal relative to the bearing about the axis, rad/s.
+        **Arguments:** in global axes. `axis`: of the bearing. `eccentricity`: from the bearing's
+        axis to the base's centre, m. `velocity`: of the journal's body relative to the bearing's,
+        midway between the two axes, m/s. `spin`: of the same about the axis, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
@@ -248,75 +251,119 @@ class LubricatedJoint(AbstractContactJoint):
         size, _ = norm_and_direction(eccentricity)
         return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the dry friction force on the journal at the base `name`, N in global axes.
 
-        It is ``None`` without friction.
+TOLERANCE = 1e-12
+"""Relative tolerance of the equilibrium: residual force over load, and change of the offset over
+the clearance."""
+NEARLY_CENTRED = 1e-3
+"""Start of the search for the equilibrium, eccentricity ratio in both directions.
+
+It isn't zero, because the force of a film may not be differentiable for a centred journal.
+"""
+
+
+class CarriedJournal(NamedTuple):
+    """Equilibrium of a journal in its film, and the film's linearised force near the equilibrium.
+
+    Components refer to two fixed directions x and y across the bearing's axis z, which form a
+    right-handed frame.
+
+    - `offset`: (2,) m, from the bearing's axis to the journal's.
+    - `stiffness`: (2, 2) N/m, minus the derivative of the film force by the offset.
+    - `damping`: (2, 2) N s/m, minus the derivative of the film force by the offset's rate.
+
+    >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
+    >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
+    >>> carried.stiffness.shape, bool(carried.damping[0, 0] > 0.0)
+    ((2, 2), True)
+    """
+
+    offset: Float[jax.Array, "2"]
+    stiffness: Float[jax.Array, "2 2"]
+    damping: Float[jax.Array, "2 2"]
+
+    def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
+        """Return the eigenvalues of small motions about the equilibrium, (4,) complex, 1/s.
+
+        The equilibrium is stable if no eigenvalue has a positive real part.
+
+        **Arguments:** `mass`: of the body that the journal carries, kg.
         """
-        return self.dry.friction_force(name, contact, normal_force)
+        inverse_mass = jnp.eye(2) / mass
+        rates = jnp.block(
+            [
+                [jnp.zeros((2, 2)), jnp.eye(2)],
+                [-inverse_mass @ self.stiffness, -inverse_mass @ self.damping],
+            ]
+        )
+        return jnp.linalg.eigvals(rates)
 
-    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of both bases by label; empty if the dry joint has none."""
-        return self.dry.bristle_laws()
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of both bases by label, m."""
-        return self.dry.deepest()
+def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
+    """Compute the equilibrium of a loaded journal in its film, and the film's stiffness and
+    damping.
 
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the base or shoulder `name` at a penetration,
-        m.
-        """
-        return self.dry.law_limits(name, depth)
+    The bearing is at rest and the axes are parallel.
 
-    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
+    ```python
+    import clearjoint as cj
 
-        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
-        "W", or ``None``, the default, for the journal's centre.
-        """
-        return self.dry.journal_offset(motions, base)
+    scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
+    carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -20.0 * 9.81), speed=200.0)
+    is_stable = carried.growth(mass=20.0).real.max() < 0.0
+    ```
 
-    def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis as a row.
+    **Arguments:**
 
-        The row's value is in rad within (-pi, pi].
-        """
-        return self.dry.relative_angle(motions)
+    - `joint`: the lubricated joint.
+    - `load`: (2,) N, external force on the journal along x and y, two directions across the axis
+      z that form a right-handed frame.
+    - `speed`: angular velocity of the journal about z, rad/s, positive.
 
-    def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which the journal has left a bearing of the same length, m.
+    **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, and the
+    damping, (2, 2) N s/m, in the same directions as the load.
 
-        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
-        """
-        return self.dry.slid_out(motions)
+    **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive.
+    """
+    require_shape("load", load, (2,), "give its components across the axis in N")
+    require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
+    return _solve_equilibrium(joint, on_device(load), on_device(speed))
 
-    def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that holds the journal in the middle of the bearing."""
-        return self.dry.centred_joint()
 
-    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall.
+@Compiled
+def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
+    joint, rest = unpack(joint), jnp.zeros(2)
+    clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
-        **Arguments:** `load`: (3,) N, force of the journal on the bearing, in the axes of the
-        bearing's body.
-        """
-        return self.dry.resting_joint(load)
+    # The search is unbounded, but a film's force exists only inside the clearance: this map keeps
+    # each trial offset there.
+    def offset_of(point: jax.Array) -> jax.Array:
+        return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
-    def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name and the joint's centres on this body and on the ground, m.
+    def residual(point: jax.Array, _: None) -> jax.Array:
+        force = _force(joint, speed, offset_of(point), rest)
+        # Relative to the load, so that one tolerance suits all loads.
+        return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
-        The anchor reduces rounding errors. It is ``None`` if neither body is the ground.
-        """
-        return self.dry.anchor()
+    solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
+    start = jnp.full(2, NEARLY_CENTRED)
+    offset = offset_of(optimistix.root_find(residual, solver, start).value)
+    stiffness, damping = jax.jacfwd(_force, argnums=(2, 3))(joint, speed, offset, rest)
+    return CarriedJournal(offset, -stiffness, -damping)
 
-    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "axial" if the axial policy holds the journal's centre, otherwise no rows.
 
-        Its value is the distance of the journal's centre from the bearing's middle plane, m.
-        """
-        return self.dry.rows(motions, t)
+def _force(
+    joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
+) -> jax.Array:
+    """Return the film force on the journal, (2,) N.
 
-    def draw(self, pen: AbstractPen) -> None:
-        """Draw the joint without the film."""
-        self.dry.draw(pen)
+    **Arguments:** `speed`: of the journal, rad/s. `offset`: (2,) m. `velocity`: its rate, (2,) m/s.
+    """
+    dry = joint.dry
+    eccentricity = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
+    own_rate = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)
+    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
+    rate = own_rate - UNIT_Z.cross(eccentricity) * (0.5 * speed)
+    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
+    force = joint.film.force(FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes))
+    return jnp.stack([jnp.asarray(force.x), jnp.asarray(force.y)])

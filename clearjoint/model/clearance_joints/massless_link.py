@@ -7,10 +7,8 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
-from ..joints.base import AbstractConstraint, Attachment, Motions, Row
-from ..joints.constraint_rows import point_in_plane
-from ..joints.pairs import require_distinct
-from ..joints.row_combinations import distance_row
+from ..joints.base import AbstractConstraint, Attachment, Motions, Row, require_distinct
+from ..joints.constraint_rows import distance_row, point_in_plane
 from ..pen import AbstractPen, Marker
 from .axial import AbstractAxialPolicy, FreeAxially
 from .journal_bases import BASES
@@ -90,20 +88,13 @@ class MasslessLink(AbstractConstraint):
         return rows
 
     def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
-        """Return the coordinate of a journal's point from the bearing's centre, m, as a row.
-
-        `direction` is a unit vector in the axes of the bearing's body, `local` the point, m in
-        those of the journal's.
-        """
+        """Return a coordinate of a journal's point from the bearing's centre, m, as a row."""
         names = self.bearing_body, self.journal_body
         pair = motions[self.bearing_body], motions[self.journal_body]
         return point_in_plane(names, *pair, self.bearing_point, direction, local)
 
     def _distance(self, motions: Motions, local: Vector) -> Row:
-        """Return the row (x^2 + y^2 - c^2)/(2 c), m, for the eccentricity vector (x, y) of a base.
-
-        `local` is the base's centre, m in the axes of the journal's body.
-        """
+        """Return the row (e^2 - c^2)/(2 c), m, of a base at `local`, m in the journal's axes."""
         across = [
             self._height(motions, direction, local)
             for direction in transverse_axes(unit(self.bearing_axis))

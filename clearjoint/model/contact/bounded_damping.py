@@ -3,13 +3,11 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractPowerLaw
-from .stiffness import AbstractElasticity, as_stiffness
+from .laws import AbstractElasticity, AbstractPowerLaw, as_stiffness, require_exponent
 
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
@@ -24,9 +22,7 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
     force_jumps = False
 
     def __check_init__(self):
-        if (known := checkable(self.exponent)) is not None:
-            (exponent,) = known
-            require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
+        require_exponent(self.exponent)
 
 
 class ElastoGap(AbstractBoundedDampingLaw):
@@ -127,10 +123,7 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution.
-
-        The rest of the force is dissipative.
-        """
+        """Return (1 + c) K delta^n/2, N, the mean of compression and restitution."""
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:

@@ -10,13 +10,13 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import as_shown, checkable, require
+from ...fields.checks import require_numbers
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
-from .stribeck import require_breakaway
+from .friction import require_breakaway
 
 
 class AbstractBristleFriction(AbstractConverting):
@@ -242,16 +242,13 @@ class ElastoPlastic(AbstractDampedBristles):
 
     def _check_together(self) -> None:
         super()._check_together()
-        known = checkable(self.elastic_deflection, self.full_deflection())
-        if known is not None:
-            elastic, full = known
-            require(
-                elastic < full,
-                "elastic_deflection",
-                elastic,
-                f"below kinetic/stiffness = {as_shown(full)} m",
-                "give z_ba in m, half of that for example",
-            )
+        require_numbers(
+            lambda elastic, full: elastic < full,
+            "elastic_deflection",
+            (self.elastic_deflection, self.full_deflection()),
+            "below kinetic/stiffness = {1} m",
+            "give z_ba in m, half of that for example",
+        )
 
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return v - alpha(z, v) sigma0 |v| z/g(v), m/s."""

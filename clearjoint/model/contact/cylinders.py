@@ -7,7 +7,6 @@ force. This module has the base class and the explicit formulas; the logarithmic
 """
 
 import abc
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,9 +15,8 @@ import numpy as np
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
-from .gap import Gap
-from .limits import Limit
-from .stiffness import AbstractElasticity, AbstractMaterialPair
+from .gap import Gap, Limit
+from .laws import AbstractElasticity, AbstractMaterialPair
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
@@ -97,9 +95,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             load = self.line_force(gap, depth)
         else:
-            beyond = jnp.maximum(depth - straight.depth, 0.0)
-            load = self.line_force(gap, jnp.minimum(depth, straight.depth))
-            load += straight.slope * beyond
+            end, _, slope = straight
+            beyond = jnp.maximum(depth - end, 0.0)
+            load = self.line_force(gap, jnp.minimum(depth, end)) + slope * beyond
         return jnp.where(touches, self.length * load, 0.0)
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
@@ -110,28 +108,23 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             energy = self.line_energy(gap, depth)
         else:
-            beyond = jnp.maximum(depth - straight.depth, 0.0)
-            energy = self.line_energy(gap, jnp.minimum(depth, straight.depth))
-            energy += beyond * (straight.load + 0.5 * straight.slope * beyond)
+            end, load, slope = straight
+            beyond = jnp.maximum(depth - end, 0.0)
+            energy = self.line_energy(gap, jnp.minimum(depth, end))
+            energy += beyond * (load + 0.5 * slope * beyond)
         return jnp.where(touches, self.length * energy, 0.0)
 
-    def _straight(self, gap: Gap) -> "_Straight | None":
-        """Return where the linear continuation starts, or ``None`` for a formula without limit."""
+    def _straight(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar] | None:
+        """Return depth, m, load, N/m, and slope, N/m^2, at the start of the continuation.
+
+        Return ``None`` for a formula without limit.
+        """
         deepest = self.deepest(gap)
         if deepest is None:
             return None
         depth = jnp.asarray(_STRAIGHT_FROM * deepest)
         along = jnp.ones_like(depth)
-        load, slope = jax.jvp(lambda depth: self.line_force(gap, depth), (depth,), (along,))
-        return _Straight(depth, load, slope)
-
-
-class _Straight(NamedTuple):
-    """Start of the linear continuation: depth, m, force per length, N/m, and its slope, N/m^2."""
-
-    depth: Scalar
-    load: Scalar
-    slope: Scalar
+        return depth, *jax.jvp(lambda depth: self.line_force(gap, depth), (depth,), (along,))
 
 
 def _positive(gap: Gap) -> tuple[Scalar, Scalar]:

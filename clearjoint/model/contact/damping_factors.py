@@ -1,16 +1,23 @@
-"""Hunt-Crossley laws with a requested restitution c, each defined by its factor chi(c).
+"""Hunt-Crossley laws, which differ in their damping factor chi for a requested restitution c.
 
-`delivered_restitution` returns the restitution that a law actually delivers. `ExactRestitution`
-delivers the requested value.
+The normal force is F = K delta^n (1 + chi v/v0), N, with the penetration delta, m, its rate v, m/s,
+and the entry speed v0, m/s, which is the rate at the onset of the contact. `stiffness` is K, N/m^n,
+and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
+
+`restitution` is c, the ratio of rebound speed to entry speed that a free impact should have. It
+follows from chi alone, and most of the published factors meet it only approximately. The examples
+print the ratio that a law delivers, which `delivered_restitution` computes. `ExactRestitution`
+delivers the requested value. All arguments are described in `AbstractDampedLaw`.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.cautions import LawRangeWarning, caution
-from ...fields.checks import checkable, concrete, require
+from ...fields.checks import concrete
 from ...math.vectors import Scalar
 from .hunt_crossley import AbstractDampedLaw
+from .laws import require_rebound
 from .restitution import exact_damping_factor
 
 
@@ -49,7 +56,7 @@ class LeeWang(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    Near c = 1 it dissipates half the required energy, and at c = 0 it still delivers 0.66.
+    Near c = 1 it dissipates half the energy that c requires, and for c = 0 it still delivers 0.66.
 
     >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -62,7 +69,7 @@ class LeeWang(AbstractDampedLaw):
 
 
 class LankaraniNikravesh(AbstractDampedLaw):
-    r"""chi = 3 (1 - c^2)/4, the paper's law (eq. 24; H. M. Lankarani, P. E. Nikravesh 1990).
+    r"""chi = 3 (1 - c^2)/4 (H. M. Lankarani, P. E. Nikravesh 1990; Flores et al. 2006, eq. 24).
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
@@ -113,15 +120,7 @@ class AbstractReboundingLaw(AbstractDampedLaw):
     """A law whose damping is infinite at c = 0, which raises an error."""
 
     def __check_init__(self):
-        if (known := checkable(self.restitution)) is not None:
-            (restitution,) = known
-            require(
-                restitution > 0,
-                "restitution",
-                restitution,
-                "positive for this law",
-                "its damping is infinite at 0; use a small value such as 0.01",
-            )
+        require_rebound(self.restitution)
 
 
 class Flores2011(AbstractReboundingLaw):

@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require
+from ...fields.checks import require
 from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractPowerLaw
-from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
+from .laws import (
+    AbstractElasticity,
+    AbstractPowerLaw,
+    AbstractStiffness,
+    as_stiffness,
+    require_rebound,
+)
 
 
 class AbstractDashpotLaw(AbstractPowerLaw):
@@ -119,15 +124,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
             "a number or an AbstractStiffness",
             "the damping of this law is computed from the stiffness K of a power law",
         )
-        if (known := checkable(self.restitution)) is not None:
-            (restitution,) = known
-            require(
-                restitution > 0.0,
-                "restitution",
-                restitution,
-                "positive for this law",
-                "the damping is infinite at 0; use a small value such as 0.01",
-            )
+        require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:
         """Return sqrt(K m) for the radii of a gap, with the effective mass m."""
@@ -135,7 +132,15 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
         return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
 
 
-class KelvinVoigt(AbstractTunedDashpotLaw):
+class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
+    """A tuned dashpot that would deliver the requested restitution if the force could pull."""
+
+    def delivered_restitution(self) -> Scalar:
+        """Return rebound speed over entry speed of a free impact of the effective mass."""
+        return clamped_restitution(damping_ratio(self.restitution))
+
+
+class KelvinVoigt(AbstractClampedDashpotLaw):
     r"""Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
@@ -158,12 +163,8 @@ class KelvinVoigt(AbstractTunedDashpotLaw):
         """Return 2 z sqrt(K m), N s/m."""
         return 2.0 * damping_ratio(self.restitution) * self._root(gap)
 
-    def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact of the effective mass."""
-        return clamped_restitution(damping_ratio(self.restitution))
 
-
-class Tsuji(AbstractTunedDashpotLaw):
+class Tsuji(AbstractClampedDashpotLaw):
     r"""F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
@@ -182,10 +183,6 @@ class Tsuji(AbstractTunedDashpotLaw):
     def damping(self, gap: Gap) -> Scalar:
         """Return sqrt(5) z sqrt(m K), N s/m^(5/4)."""
         return 5.0**0.5 * damping_ratio(self.restitution) * self._root(gap)
-
-    def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact of the effective mass."""
-        return clamped_restitution(damping_ratio(self.restitution))
 
 
 class Jankowski(AbstractTunedDashpotLaw):

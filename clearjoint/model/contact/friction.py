@@ -1,15 +1,19 @@
-"""Friction laws: the ratio of friction to normal force as a function of the slip speed."""
+"""Friction laws: the ratio of friction to normal force as a function of the slip speed.
+
+These laws regularise the jump of Coulomb friction at zero speed, so that a contact creeps under
+load. The bristle laws in `.bristles` stick.
+"""
 
 import abc
 
 import jax
 import jax.numpy as jnp
 
-from ...fields.checks import as_shown, checkable, require
+from ...fields.checks import require_numbers
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
-from ...math.smoothing import norm_and_direction
+from ...math.smoothing import norm_and_direction, positive_power
 from ...math.vectors import Scalar, Vector
 
 
@@ -58,7 +62,16 @@ class AbstractFriction(AbstractConverting):
         return slip * (-normal_force * per_speed)
 
 
-class RegularisedCoulomb(AbstractFriction):
+class AbstractRegularisedFriction(AbstractFriction):
+    """Base class of friction with the `coefficient` mu above a `regularisation_speed`, m/s."""
+
+    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
+    )
+
+
+class RegularisedCoulomb(AbstractRegularisedFriction):
     r"""Coulomb friction mu tanh(v/v_d), smoothed below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
@@ -70,17 +83,12 @@ class RegularisedCoulomb(AbstractFriction):
     0.0762
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu tanh(v/v_d)."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
-class LinearCoulomb(AbstractFriction):
+class LinearCoulomb(AbstractRegularisedFriction):
     r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; it creeps under load.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
@@ -92,38 +100,28 @@ class LinearCoulomb(AbstractFriction):
     0.0500
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_d in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu min(v/v_d, 1)."""
         return self.coefficient * jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
 
 
-class Threlfall(AbstractFriction):
-    r"""mu (1 - exp(-3 v/v_r)) below the speed v_r, constant above (A. G. Threlfall 1978).
+class Threlfall(AbstractRegularisedFriction):
+    r"""mu (1 - exp(-3 v/v_d)) below the speed v_d, constant above (A. G. Threlfall 1978).
 
-    $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_r, 1)}\right)$$
+    $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
     The constant is (1 - exp(-3)) mu = 0.9502 mu; with the value 0.95 mu, which is often printed,
-    the law would jump at v_r. It creeps under load.
+    the law would jump at v_d. It creeps under load.
 
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_r, m/s.
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
 
     >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
 
-    coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
-    regularisation_speed: Single = quantity(
-        "m/s", default=1e-3, positive=True, remedy="give v_r in m/s"
-    )
-
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu (1 - exp(-3 min(v/v_r, 1)))."""
+        """Return mu (1 - exp(-3 min(v/v_d, 1)))."""
         rise = jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
         return -self.coefficient * jnp.expm1(-3.0 * rise)
 
@@ -147,18 +145,136 @@ class Ambrosio(AbstractFriction):
     upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
     def _check_together(self) -> None:
-        if (known := checkable(self.lower_speed, self.upper_speed)) is not None:
-            lower, upper = known
-            require(
-                upper > lower,
-                "upper_speed",
-                upper,
-                f"above lower_speed = {as_shown(lower)}",
-                "give v1 > v0 in m/s",
-            )
+        require_numbers(
+            lambda upper, lower: upper > lower,
+            "upper_speed",
+            (self.upper_speed, self.lower_speed),
+            "above lower_speed = {1}",
+            "give v1 > v0 in m/s",
+        )
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
         # At v0 the slope is that above v0: with v0 = 0 there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)
+
+
+def require_breakaway(breakaway: Single, kinetic: Single) -> None:
+    """Check that the breakaway coefficient is not smaller than the kinetic coefficient."""
+    require_numbers(
+        lambda slow, fast: slow >= fast,
+        "breakaway",
+        (breakaway, kinetic),
+        "at least kinetic = {1}",
+        "give mu_S >= mu_C",
+    )
+
+
+class AbstractFallingFriction(AbstractFriction):
+    """Base class of friction that falls with the slip speed from a maximum to a lower limit.
+
+    `breakaway` is the maximum mu_S of the coefficient, `kinetic` its limit mu_C at high speed.
+    """
+
+    breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
+    kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
+
+    def _check_together(self) -> None:
+        require_breakaway(self.breakaway, self.kinetic)
+
+
+class Stribeck(AbstractFallingFriction):
+    r"""(mu_C + (mu_S - mu_C) exp(-(v/v_S)^delta)) tanh(v/v_d) (B. Armstrong-Helouvry 1991).
+
+    $$\mu(v) = \left(\mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^\delta}\right) \tanh\frac{v}{v_d}$$
+
+    The viscous term k v that is often added doesn't depend on the normal force: use a damper.
+
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `stribeck_speed`: v_S, m/s.
+    - `exponent`: delta, at least 1.
+    - `regularisation_speed`: v_d, m/s, well below v_S; otherwise the peak is below mu_S.
+
+    >>> friction = cj.frictions.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
+    >>> print(f"{friction.ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
+    0.1368
+    """
+
+    stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
+    exponent: Single = quantity("1", default=2.0, positive=True, remedy="give delta, 2 say")
+    regularisation_speed: Single = quantity(
+        "m/s", default=1e-4, positive=True, remedy="give v_d in m/s"
+    )
+
+    def _check_together(self) -> None:
+        super()._check_together()
+        remedy = "give delta >= 1; below, the slope at rest is infinite"
+        values = (self.exponent,)
+        require_numbers(lambda delta: delta >= 1.0, "exponent", values, "at least 1", remedy)
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
+        fade = jnp.exp(-positive_power(slip_speed / self.stribeck_speed, self.exponent))
+        curve = self.kinetic + (self.breakaway - self.kinetic) * fade
+        return curve * jnp.tanh(slip_speed / self.regularisation_speed)
+
+
+class BengisuAkay(AbstractFallingFriction):
+    r"""A parabola up to mu_S at v0, then an exponential decay (M. T. Bengisu, A. Akay 1994).
+
+    $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
+
+    Below v0 it is mu_S (1 - (1 - v/v0)^2). The curve is continuous with a kink at v0.
+
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `breakaway_speed`: v0, m/s.
+    - `decay`: xi, s/m.
+
+    >>> friction = cj.frictions.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
+    >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
+    0.2000, 0.1000
+    """
+
+    breakaway_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give v0 in m/s")
+    decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
+        x = jnp.minimum(slip_speed / self.breakaway_speed, 1.0)
+        beyond = jnp.maximum(slip_speed - self.breakaway_speed, 0.0)
+        fall = (self.breakaway - self.kinetic) * jnp.expm1(-self.decay * beyond)
+        return self.breakaway * x * (2.0 - x) + fall
+
+
+class BrownMcPhee(AbstractFallingFriction):
+    r"""A curve that is smooth everywhere (P. Brown, J. McPhee 2016).
+
+    $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
+    v_t)^2 + \frac{3}{4}\right)^2}$$
+
+    The second term has its maximum mu_S - mu_C at v = v_t.
+
+    **Arguments:**
+
+    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
+    - `transition_speed`: v_t, m/s.
+
+    >>> friction = cj.frictions.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
+    >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
+    0.1999, 0.1000
+    """
+
+    transition_speed: Single = quantity(
+        "m/s", default=1e-3, positive=True, remedy="give v_t in m/s"
+    )
+
+    def ratio(self, slip_speed: Scalar) -> Scalar:
+        """Return the ratio of friction to normal force at a slip speed, m/s."""
+        x = slip_speed / self.transition_speed
+        peak = (self.breakaway - self.kinetic) * x / (0.25 * x**2 + 0.75) ** 2
+        return self.kinetic * jnp.tanh(4.0 * x) + peak

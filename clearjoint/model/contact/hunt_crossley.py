@@ -7,15 +7,20 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import checkable, require, require_positive, require_range
+from ...fields.checks import require, require_positive, require_range
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
 from ...math.vectors import Scalar
 from .gap import Gap
-from .laws import AbstractElasticLaw
+from .laws import (
+    AbstractElasticity,
+    AbstractElasticLaw,
+    AbstractStiffness,
+    as_stiffness,
+    require_exponent,
+)
 from .restitution import delivered_restitution
-from .stiffness import AbstractElasticity, AbstractStiffness, as_stiffness
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):
@@ -61,9 +66,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         """
 
     def __check_init__(self):
-        if (known := checkable(self.exponent)) is not None:
-            (exponent,) = known
-            require(exponent >= 1.0, "exponent", exponent, "at least 1", "use 1.5 for Hertz")
+        require_exponent(self.exponent)
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
             require(

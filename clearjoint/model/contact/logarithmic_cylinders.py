@@ -6,7 +6,8 @@ ln(A/P) + k the force is L delta/(S u), and u follows from the ratio d of the pe
 maximum: u - 1 - ln u = -ln d, for all laws.
 """
 
-import abc
+import math
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -44,16 +45,16 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 class AbstractLogarithmicCylinder(AbstractCylinder):
     """Base class of line contacts with delta = P S [ln(A/P) + k] for the load P per length, N/m.
 
-    A subclass defines the load A, N/m, and the number k.
+    - `constant`: k, dimensionless.
+    - `factor`: that of the load A = factor E* dR, N/m, unless `reference_load` is another.
     """
 
-    @abc.abstractmethod
+    constant: ClassVar[float]
+    factor: ClassVar[float] = 4.0 * math.pi
+
     def reference_load(self, gap: Gap) -> Scalar:
         """Return the load A for the radii of a gap, N/m."""
-
-    @abc.abstractmethod
-    def constant(self) -> float:
-        """Return the number k, dimensionless."""
+        return self.factor * radii_of(gap)[2] / self.compliance()
 
     def _flatness(self) -> Scalar:
         """Return S = 1/(pi E*), 1/Pa."""
@@ -61,7 +62,7 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
     def deepest(self, gap: Gap) -> Scalar:
         """Return the largest penetration for which the formula is valid, m."""
-        return self.reference_load(gap) * np.exp(self.constant() - 1.0) * self._flatness()
+        return self.reference_load(gap) * np.exp(self.constant - 1.0) * self._flatness()
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the force per length, N/m, at a depth below the largest penetration."""
@@ -87,13 +88,7 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
     1032 N
     """
 
-    def reference_load(self, gap: Gap) -> Scalar:
-        """Return 4 pi E* dR, N/m."""
-        return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
-
-    def constant(self) -> float:
-        """Return -1."""
-        return -1.0
+    constant = -1.0
 
 
 class EsduCylinder(AbstractLogarithmicCylinder):
@@ -107,13 +102,7 @@ class EsduCylinder(AbstractLogarithmicCylinder):
     776 N
     """
 
-    def reference_load(self, gap: Gap) -> Scalar:
-        """Return 4 pi E* dR, N/m."""
-        return 4.0 * jnp.pi * radii_of(gap)[2] / self.compliance()
-
-    def constant(self) -> float:
-        """Return 1."""
-        return 1.0
+    constant = 1.0
 
 
 class RadzimovskyCylinder(AbstractLogarithmicCylinder):
@@ -132,16 +121,22 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     888 N
     """
 
+    constant = 2.0 / 3.0
+    factor = 6.25
+
+
+class AbstractLoadByLength(AbstractLogarithmicCylinder):
+    """Base class of formulas with A = L^2 dR/(R_i R_j S) and k = 1."""
+
+    constant = 1.0
+
     def reference_load(self, gap: Gap) -> Scalar:
-        """Return 16 E* dR/1.60^2, N/m."""
-        return 6.25 * radii_of(gap)[2] / self.compliance()
-
-    def constant(self) -> float:
-        """Return 2/3."""
-        return 2.0 / 3.0
+        """Return L^2 dR/(R_i R_j S), N/m."""
+        bearing, journal, clearance = radii_of(gap)
+        return self.length**2 * clearance / (bearing * journal * self._flatness())
 
 
-class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
+class DubowskyFreudensteinCylinder(AbstractLoadByLength):
     r"""delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
@@ -152,16 +147,8 @@ class DubowskyFreudensteinCylinder(AbstractLogarithmicCylinder):
     775 N
     """
 
-    def reference_load(self, gap: Gap) -> Scalar:
-        """Return L^2 dR/(R_i R_j S), N/m."""
-        return _load_by_length(self.length, gap, self._flatness())
 
-    def constant(self) -> float:
-        """Return 1."""
-        return 1.0
-
-
-class GoldsmithCylinder(AbstractLogarithmicCylinder):
+class GoldsmithCylinder(AbstractLoadByLength):
     r"""delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
@@ -175,16 +162,3 @@ class GoldsmithCylinder(AbstractLogarithmicCylinder):
     >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
     775 N
     """
-
-    def reference_load(self, gap: Gap) -> Scalar:
-        """Return L^2/(R S), N/m."""
-        return _load_by_length(self.length, gap, self._flatness())
-
-    def constant(self) -> float:
-        """Return 1."""
-        return 1.0
-
-
-def _load_by_length(length: Scalar, gap: Gap, flatness: Scalar) -> Scalar:
-    bearing, journal, clearance = radii_of(gap)
-    return length**2 * clearance / (bearing * journal * flatness)

@@ -1,7 +1,8 @@
-"""Functions of time for drives and loads: polynomials, splines, and user-defined functions."""
+"""Functions of time for drives and loads, and the fields of elements that hold them."""
 
 import abc
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar, TypeAlias
 
 import equinox as eqx
@@ -10,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number, checkable, require, require_finite
+from ...fields.checks import as_number, require, require_finite, require_numbers, require_shape
 from ...fields.conversion import AbstractConverting, on_device
 from ...fields.declarations import quantity
-from ...fields.types import ArrayLike, Column, TableRows
+from ...fields.types import ArrayLike, Column, Single, TableRows, Triple
 from ...math.interpolation import Slope, hermite_value
-from ...math.vectors import Scalar
+from ...math.vectors import Scalar, Vector
 
 
 class AbstractFunctionOfTime(AbstractConverting):
@@ -54,12 +55,13 @@ class AbstractFunctionOfTime(AbstractConverting):
         return ()
 
 
-class _PlainFunction(AbstractFunctionOfTime):
+class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time, which becomes part of the compiled program."""
 
-    function: Callable[[jax.Array], Scalar] = eqx.field(static=True)
+    function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
     def __call__(self, t: Scalar) -> Scalar:
+        """Return the value, or three values, at a time in s."""
         return self.function(jnp.asarray(t, dtype=float))
 
 
@@ -93,7 +95,17 @@ class Polynomial(AbstractFunctionOfTime):
         return value
 
 
-class Spline(AbstractFunctionOfTime):
+class AbstractTable(AbstractFunctionOfTime):
+    """Base class of functions from a table of `times`, (N,) s, and `values`, (N,) or (N, 3)."""
+
+    times: Column = quantity("s", table=True)
+    values: TableRows = quantity("1", table=True)
+
+    def __check_init__(self):
+        require_table(self.times, self.values)
+
+
+class Spline(AbstractTable):
     """Cubic Hermite polynomials between the times of a table of values and rates.
 
     `Spline.through(times, values)` computes the rates for continuous curvature that is zero at the
@@ -113,13 +125,9 @@ class Spline(AbstractFunctionOfTime):
     1.0, 0.6875
     """
 
-    times: Column = quantity("s", table=True)
-    values: TableRows = quantity("1", table=True)
     rates: TableRows = quantity("1/s", table=True)
 
-    def __check_init__(self):
-        require_rising(self.times)
-        require_rows("values", self.values, np.shape(self.times))
+    def _check_together(self) -> None:
         expected = f"of the shape {np.shape(self.values)} of `values`"
         rates = np.shape(self.rates)
         require(rates == np.shape(self.values), "rates", rates, expected, "give one per value")
@@ -138,8 +146,7 @@ class Spline(AbstractFunctionOfTime):
         from scipy.interpolate import CubicSpline
 
         times, values = as_number(times, "times", "s"), as_number(values, "values")
-        require_rising(times)
-        require_rows("values", values, np.shape(times))
+        require_table(times, values)
         spline = CubicSpline(np.asarray(times), np.asarray(values), bc_type="natural")
         return Spline(times, values, spline(times, 1))
 
@@ -171,7 +178,7 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
-        return _PlainFunction(value)
+        return PlainFunction(value)
     number = as_number(value, "function")
     remedy = (
         "pass a number, a function of the time, or for a table Spline.through(times, values) or "
@@ -181,18 +188,20 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     return Polynomial([number])
 
 
-def require_rising(times: ArrayLike) -> None:
-    """Check that `times`, s, is a row of at least two increasing numbers.
+def require_table(times: ArrayLike, values: ArrayLike) -> None:
+    """Check a table: at least two increasing times, (N,) s, and a value, or three, for each.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` that names the argument `times` or `values`.
     """
     shape = np.shape(times)
     remedy = "pass at least two times, sorted and without duplicates"
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
     require_finite("times", times)
-    if (known := checkable(times)) is not None:
-        (numbers,) = known
-        require((numbers[1:] > numbers[:-1]).all(), "times", numbers, "increasing", remedy)
+    require_numbers(lambda t: (t[1:] > t[:-1]).all(), "times", (times,), "increasing", remedy)
+    given, remedy = np.shape(values), "give one value per time, or three for a force"
+    expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
+    require(given in (shape, (*shape, 3)), "values", given, expected, remedy)
+    require_finite("values", values)
 
 
 def require_continuous(function: AbstractFunctionOfTime) -> None:
@@ -205,15 +214,171 @@ def require_continuous(function: AbstractFunctionOfTime) -> None:
     require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
 
 
-def require_rows(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Check that values have one finite number, or three, for each time.
+class PiecewiseConstant(AbstractTable):
+    """A step function from a table, for torques and loads that are switched.
 
-    **Arguments:** `argument`: name of the values in the error. `values`: of the shape `shape`, or
-    (*shape, 3). `shape`: (N,), shape of the times.
+    Each value holds from its time until the next; the first value also holds before the first time,
+    the last value after the last time. The times are declared as `breakpoints` and may be
+    parameters: steps end there, and derivatives include the effect of each jump.
 
-    **Raises:** `ValueError` otherwise.
+    ```python
+    import clearjoint as cj
+
+    torque = cj.PiecewiseConstant([0.0, 0.2, 0.3], [2.0, -1.0, 0.0])  # N m, switched at 0.2, 0.3 s
+    motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
+    ```
+
+    **Arguments:**
+
+    - `times`: (N,) s, increasing.
+    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+
+    **Raises:** `ValueError` if the arrays have different lengths, a number is not finite, or the
+    times are not increasing.
     """
-    given, remedy = np.shape(values), "give one value per time, or three for a force"
-    expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
-    require(given in (shape, (*shape, 3)), argument, given, expected, remedy)
-    require_finite(argument, values)
+
+    jumps: ClassVar[bool] = True
+
+    def __call__(self, t: Scalar) -> Scalar:
+        """Return the value at a time in s."""
+        times, values = on_device(self.times), on_device(self.values)
+        return values[jnp.maximum(jnp.searchsorted(times, t, side="right") - 1, 0)]
+
+    def breakpoints(self) -> PyTree:
+        """Return the switching times, s."""
+        return self.times[1:]
+
+
+class PiecewiseLinear(AbstractTable):
+    """Linear interpolation of a table, such as ramps and trapezoids.
+
+    The first value holds before the first time, the last value after the last time. All times are
+    declared as `breakpoints`, so that a step ends at each: for a densely sampled signal
+    `Spline.through(times, values)` needs fewer steps.
+
+    ```python
+    import clearjoint as cj
+
+    ramp = cj.PiecewiseLinear([0.0, 0.1, 0.4, 0.5], [0.0, 50.0, 50.0, 0.0])  # N
+    forces = {"push": cj.AppliedLoad("arm", force=(0.0, ramp, 0.0))}
+    ```
+
+    **Arguments:**
+
+    - `times`: (N,) s, increasing, at least two.
+    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+
+    **Raises:** `ValueError` as for `PiecewiseConstant`.
+    """
+
+    def __call__(self, t: Scalar) -> Scalar:
+        """Return the value at a time in s."""
+        times, values = on_device(self.times), on_device(self.values)
+        k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+        inside = jnp.clip(t, times[0], times[-1])
+        fraction = (inside - times[k]) / (times[k + 1] - times[k])
+        return values[k] + fraction * (values[k + 1] - values[k])
+
+    def breakpoints(self) -> PyTree:
+        """Return all times of the table, s."""
+        return self.times
+
+
+SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
+"""A number or a function of time."""
+TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, ...]
+"""Three components, each a number or a function of time, or one function that returns three
+numbers."""
+ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a function of time"
+
+
+def single_in_time(unit: str, **options: PyTree) -> PyTree:
+    """Declare a field with a number or a function of time; `options` are those of `quantity`."""
+    return quantity(
+        unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
+    )
+
+
+def triple_in_time(unit: str, **options: PyTree) -> PyTree:
+    """Declare a field with three numbers or functions; `options` are those of `quantity`."""
+    return quantity(
+        unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
+    )
+
+
+def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
+    """Return a number as an array, or a function as an `AbstractFunctionOfTime`."""
+    return as_function_of_time(value) if callable(value) else as_number(value)
+
+
+def as_triple_in_time(value: PyTree) -> PyTree:
+    """Return three numbers as an array, (3,), or functions as `AbstractFunctionOfTime`s.
+
+    Three components of which one is a function become a tuple of three.
+    """
+    if isinstance(value, AbstractFunctionOfTime):
+        return value
+    if callable(value):
+        return PlainFunction(value)
+    if isinstance(value, tuple | list) and any(map(callable, value)):
+        return tuple(map(as_single_in_time, value))
+    return as_number(value)
+
+
+def value_at(given: SingleInTime, t: Scalar) -> Scalar:
+    """Return a number unchanged, or the value of a function of time at the time `t`, s.
+
+    **Raises:** `ValueError` if the function doesn't return one number.
+    """
+    if not isinstance(given, AbstractFunctionOfTime):
+        return given
+    value = given(t)
+    shape = _shape(value)
+    expected = "a function of time that returns one number"
+    require(shape == (), "function", shape, expected, f"pass {ALTERNATIVES}")
+    return value
+
+
+def vector_at(given: PyTree, t: Scalar) -> Vector:
+    """Return the vector that a field holds at the time `t`, s.
+
+    **Arguments:** `given`: a constant `Vector`, a tuple of three numbers or functions of time, or
+    one function that returns three numbers.
+
+    **Raises:** `ValueError` if a function returns another number of values.
+    """
+    if isinstance(given, Vector):
+        return given
+    if isinstance(given, tuple):
+        return Vector(*(value_at(part, t) for part in given))
+    parts = given(t)
+    shape, expected = _shape(parts), "a function of time that returns three numbers"
+    remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
+    require(shape == (3,), "function", shape, expected, remedy)
+    return Vector(*(parts[k] for k in range(3)))
+
+
+def _shape(value: PyTree) -> tuple[int, ...]:
+    return (len(value),) if isinstance(value, tuple | list) else jnp.shape(value)
+
+
+def breakpoints_of(*given: PyTree) -> PyTree:
+    """Return the breakpoints of all functions of time in the given fields, s, as a tuple."""
+    parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
+    return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
+
+
+def _require_single(unit: str, argument: str, value: PyTree) -> None:
+    if not isinstance(value, AbstractFunctionOfTime):
+        require_shape(argument, value, (), f"pass a single number in {unit}, {ALTERNATIVES}")
+
+
+def _require_triple(unit: str, argument: str, value: PyTree) -> None:
+    remedy = f"pass three components in {unit}, each a number or a function of time"
+    if isinstance(value, tuple):
+        require(len(value) == 3, argument, f"{len(value)} components", "three components", remedy)
+        for part in value:
+            _require_single(unit, argument, part)
+    elif not isinstance(value, AbstractFunctionOfTime):
+        require_shape(argument, value, (3,), remedy)

@@ -1,16 +1,28 @@
-"""Constraint rows of which the ideal joints are composed."""
+"""Constraint rows of which the ideal joints are composed, and their combinations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import reduce
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...math.functions import polar_angle, where
-from ...math.rotations import transverse_axes, unit
-from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, Matrix, Scalar, Vector, add
-from ..bodies import Motion, Wrench
-from .base import Row
+from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.vectors import (
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    ZERO,
+    EulerParameters,
+    Matrix,
+    Scalar,
+    Vector,
+    add,
+    multiply,
+)
+from ..bodies import NO_WRENCH, Motion, Wrench
+from .base import Motions, Row
 
 Pair = tuple[str, str]
 
@@ -44,8 +56,7 @@ def coincident_points(
     - `first`, `second`: motions of the bodies.
     - `local_first`, `local_second`: point of each body, m in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> rows = extend.coincident_points(names, ground, ball, extend.ZERO, extend.ZERO)
     >>> print(f"{rows['translation x'].value:.1f} m")
@@ -74,8 +85,7 @@ def perpendicular(
     - `first`, `second`: motions of the bodies.
     - `axis_first`, `axis_second`: unit vector of each body, in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> extend.perpendicular(names, ground, ball, extend.UNIT_X, extend.UNIT_Y).value
     0.0
@@ -113,8 +123,7 @@ def point_in_plane(
     - `axis`: normal of the plane, a unit vector in the first body's axes.
     - `local`: the point of the second body, m in that body's axes.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> row = extend.point_in_plane(names, ground, ball, extend.ZERO, extend.UNIT_X, extend.ZERO)
     >>> print(f"{row.value:.1f} m")
@@ -151,8 +160,7 @@ def turning_angle(
     - `axis`: unit vector in the first body's axes.
     - `direction`: unit vector in the second body's axes, not parallel to the axis.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> row = extend.turning_angle(names, ground, ball, extend.UNIT_Z, extend.UNIT_X)
     >>> sorted(row.jacobian)
@@ -170,13 +178,16 @@ def turning_angle(
     for name in names:
         moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
         jacobian[name] = Wrench(ZERO, moment * inverse)
-    c_rate, s_rate = (
-        add(first.power(row.jacobian[names[0]]), second.power(row.jacobian[names[1]]))
-        for row in (cosine, sine)
-    )
+    motions = dict(zip(names, (first, second), strict=True))
+    c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
     bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(polar_angle(s, c), jacobian, bias * inverse)
+
+
+def rate_of(row: Row, motions: Motions) -> Scalar:
+    """Return the part of the rate of a row's value that is due to the motion of the bodies."""
+    return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
 
 
 def relative_angle_row(
@@ -200,6 +211,20 @@ def relative_angle_row(
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
+
+
+def angle_about(
+    names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
+) -> Row:
+    """Return the angle of the second body about an axis of the first, rad in (-pi, pi], as a row.
+
+    **Arguments:** `names`, `first`, `second`: as for `turning_angle`. `axis`: in the first body's
+    axes, any length. `orientation`: from the second body's axes to the first's at angle zero.
+    """
+    axis = unit(axis)
+    start, _ = transverse_axes(axis)
+    direction = rotation_matrix(orientation).transposed_times(start)
+    return turning_angle(names, first, second, axis, direction)
 
 
 Pose = tuple[Vector, Matrix]
@@ -238,8 +263,7 @@ def rows_from_residual(
       position, m in global axes, and the rotation matrix from body to global axes.
     - `first`, `second`: motions of the bodies.
 
-    >>> names = "ground", "ball"
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> def residual(first, second):
     ...     return ((second[0] - first[0]).x,)
@@ -294,3 +318,67 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
     pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]
     rest = (zero, zero)
     return [(pair, rest) for pair in pairs] + [(rest, pair) for pair in pairs]
+
+
+def scaled_row(row: Row, factor: Scalar) -> Row:
+    """Return a row multiplied by a constant: its value, Jacobian, bias and time rate."""
+    jacobian = {name: _scaled(wrench, factor) for name, wrench in row.jacobian.items()}
+    bias, time_rate = multiply(row.bias, factor), multiply(row.time_rate, factor)
+    return Row(multiply(row.value, factor), jacobian, bias, time_rate)
+
+
+def sum_of_rows(rows: Iterable[Row]) -> Row:
+    """Return the sum of rows: of their values, Jacobians, biases and time rates."""
+    return reduce(_sum, rows)
+
+
+def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
+    """Return the row that keeps a vector's length constant.
+
+    The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
+
+    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
+    `length`: required length, m.
+    """
+    components = list(components)
+    names = {name: None for row in components for name in row.jacobian}
+    # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
+    # derivative along the vector is 1, so that the multiplier is the force in N.
+    value, bias = -0.5 * length, 0.0
+    jacobian = dict.fromkeys(names, NO_WRENCH)
+    for row in components:
+        slope = row.value / length
+        rate: Scalar = 0.0
+        for name, wrench in row.jacobian.items():
+            rate = rate + motions[name].power(wrench)
+            jacobian[name] = jacobian[name] + _scaled(wrench, slope)
+        value = value + 0.5 * slope * row.value
+        bias = bias + rate * rate / length + slope * row.bias
+    return Row(value, jacobian, bias)
+
+
+def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
+    """Return a row less a prescribed function of time, so that its value follows the function.
+
+    **Arguments:** `row`: of the quantity to prescribe, such as an angle. `function`: its value in
+    the row's unit, from the time in s; JAX must be able to differentiate it twice. `t`: s.
+    """
+
+    def rate(t: Scalar) -> Scalar:
+        return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
+
+    t = jnp.asarray(t, dtype=float)
+    prescribed, acceleration = jax.jvp(rate, (t,), (jnp.ones_like(t),))
+    return Row(row.value - function(t), row.jacobian, row.bias - acceleration, -prescribed)
+
+
+def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:
+    return Wrench(wrench.force * factor, wrench.moment * factor)
+
+
+def _sum(first: Row, second: Row) -> Row:
+    jacobian = dict(first.jacobian)
+    for name, wrench in second.jacobian.items():
+        jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench
+    bias, time_rate = add(first.bias, second.bias), add(first.time_rate, second.time_rate)
+    return Row(add(first.value, second.value), jacobian, bias, time_rate)

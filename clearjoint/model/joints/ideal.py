@@ -8,16 +8,15 @@ from ...fields.types import Quadruple, Single, Triple
 from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
-from .base import AbstractConstraint, Motions, Row
+from .base import PARALLEL, AbstractConstraint, AbstractPairAtPoints, Motions, Row
 from .constraint_rows import (
     coincident_points,
+    distance_row,
     perpendicular,
     point_in_plane,
     relative_angle_row,
 )
 from .motion_subspaces import Ball, Hinge, Slider, Weld, aligning
-from .pairs import AbstractPairAtPoints
-from .row_combinations import distance_row
 
 T = TypeVar("T")
 
@@ -30,21 +29,23 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
-        first, second = motions[self.first], motions[self.second]
-        return coincident_points(
-            (self.first, self.second), first, second, self.point_first, self.point_second
-        )
+        return coincident_points(*self._between(motions), self.point_first, self.point_second)
 
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
-        names = (self.first, self.second)
-        return perpendicular(names, motions[self.first], motions[self.second], a, b)
+        return perpendicular(*self._between(motions), a, b)
+
+    def _in_plane(self, motions: Motions, normal: Vector) -> Row:
+        points = self.point_first, normal, self.point_second
+        return point_in_plane(*self._between(motions), *points)
+
+    def _height(self, motions: Motions, normal: Vector) -> dict[str, Row]:
+        return {"height": self._in_plane(motions, unit(normal))}
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
-        names, pair = (self.first, self.second), (motions[self.first], motions[self.second])
-        across = transverse_axes(unit(axis))
+        first, second = transverse_axes(unit(axis))
         return {
-            label: point_in_plane(names, *pair, self.point_first, normal, self.point_second)
-            for label, normal in zip(("offset 1", "offset 2"), across, strict=True)
+            "offset 1": self._in_plane(motions, first),
+            "offset 2": self._in_plane(motions, second),
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
@@ -69,25 +70,16 @@ class AbstractAxisJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return the rows "tilt 1" and "tilt 2", which keep the two axes parallel.
-
-        Each row is the scalar product of the first body's axis and one of two unit vectors across
-        the second body's axis.
-        """
-        across = transverse_axes(unit(self.axis_second))
+        """Return the rows "tilt 1" and "tilt 2", cosines, which keep the two axes parallel."""
+        axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {
-            label: self._perpendicular(motions, unit(self.axis_first), direction)
-            for label, direction in zip(("tilt 1", "tilt 2"), across, strict=True)
+            "tilt 1": self._perpendicular(motions, axis, first),
+            "tilt 2": self._perpendicular(motions, axis, second),
         }
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle relative to the first about the common axis, as a row.
-
-        The row's value is in rad within (-pi, pi], right-handed about the first body's axis.
-        """
-        names = (self.first, self.second)
-        first, second = motions[self.first], motions[self.second]
-        return relative_angle_row(names, first, second, self.axis_first, self.axis_second)
+        """Return the second body's angle about the first's axis, rad in (-pi, pi], as a row."""
+        return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
 
 class SphericalJoint(AbstractPairJoint):
@@ -98,8 +90,6 @@ class SphericalJoint(AbstractPairJoint):
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
     >>> {name: float(row.value) for name, row in rows.items()}  # m, components of the distance
@@ -107,10 +97,7 @@ class SphericalJoint(AbstractPairJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the global components of the vector from the second point to the first, m.
-
-        The labels are "translation x", "translation y" and "translation z".
-        """
+        """Return the components of the vector from the second point to the first, m."""
         del t
         return self._coincidence(motions)
 
@@ -136,8 +123,6 @@ class RevoluteJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in body axes, any length.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
@@ -169,22 +154,15 @@ class FixedJoint(AbstractPairJoint):
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['translation x', 'translation y', 'translation z', 'rotation x', 'rotation y', 'rotation z']
     """
 
-    orientation: Quadruple = quantity(
-        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
-    )
+    orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and three rotations.
-
-        The rotations are dot products of unit vectors.
-        """
+        """Return three translations, m, and three rotations, products of unit vectors."""
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
@@ -212,8 +190,6 @@ class InlineJoint(AbstractPairJoint):
     - `point_second`: the point that stays on the line, (3,) m in the second body's axes.
     - `axis`: direction of the line, (3,) in the first body's axes, any length.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.InlineJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['offset 1', 'offset 2']
@@ -240,18 +216,13 @@ class CylindricalJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: the axis on each body, (3,) in body axes, any length.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.CylindricalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['offset 1', 'offset 2', 'tilt 1', 'tilt 2']
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and two tilts.
-
-        The tilts are dot products of unit vectors.
-        """
+        """Return two translations across the axis, m, and two tilts, products of unit vectors."""
         del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
@@ -272,23 +243,16 @@ class PrismaticJoint(AbstractPairJoint):
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> joint = cj.PrismaticJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['offset 1', 'offset 2', 'rotation x', 'rotation y', 'rotation z']
     """
 
     axis: Triple = quantity("1", check=require_axis)
-    orientation: Quadruple = quantity(
-        "1", check=require_euler_parameters, default=(1.0, 0.0, 0.0, 0.0)
-    )
+    orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and three rotations.
-
-        The rotations are dot products of unit vectors.
-        """
+        """Return two translations across the axis, m, and three products of unit vectors."""
         del t
         rotations = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | rotations
@@ -321,8 +285,6 @@ class DistanceJoint(AbstractPairJoint):
 
     **Raises:** `ValueError` if the length is not positive.
 
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> motions = {"ground": still, "arm": still}
     >>> rod = cj.DistanceJoint("ground", "arm", (0, 0, 0), (0.5, 0, 0), length=0.5)
     >>> rows = extend.unpack(rod).rows(motions, 0.0)
     >>> {name: float(row.value) for name, row in rows.items()}
@@ -332,9 +294,7 @@ class DistanceJoint(AbstractPairJoint):
     length: Single = quantity("m", shape=(), positive=True, remedy="give the rod's length in m")
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "length": (d^2 - l^2)/(2 l), m, for the distance d of the two points and
-        the rod's length l.
-        """
+        """Return the row "length": (d^2 - l^2)/(2 l), m, for the points' distance d."""
         del t
         apart = self._coincidence(motions).values()
         return {"length": distance_row(apart, self.length, motions)}

@@ -10,6 +10,7 @@ import abc
 from dataclasses import dataclass
 
 import equinox as eqx
+import jax
 from jaxtyping import PyTree
 
 from ...math.functions import cosine as cosine_of
@@ -127,16 +128,21 @@ class AbstractMotionSubspace(eqx.Module):
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
         """Return the relative twist for 1 rad/s or 1 m/s of each speed, in the child's axes."""
 
-    @abc.abstractmethod
     def rates(self, state: JointState) -> PyTree:
-        """Return the time derivative of the position, with the same structure as the position."""
+        """Return the time derivative of the position, with the same structure as the position.
 
-    @abc.abstractmethod
+        The default is for a position that consists of one number for each speed.
+        """
+        return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
+
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """Return the position after a small motion along the columns.
 
-        **Arguments:** `changes`: rad or m, one for each speed.
+        `changes` are in rad or m, one for each speed. The default adds each to a number of the
+        position.
         """
+        numbers, structure = jax.tree.flatten(position)
+        return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
         """Return an equivalent position without accumulated revolutions of an angle or drift of a
@@ -170,15 +176,16 @@ class AbstractMotionSubspace(eqx.Module):
         return sum((column * speed for column, speed in parts), REST)
 
 
-class Weld(AbstractMotionSubspace):
-    """No relative motion.
-
-    `reference` holds the Euler parameters that transform components in the child's axes to the
-    parent's.
-    """
+class AbstractMotionAtPoints(AbstractMotionSubspace):
+    """Base class of motion subspaces whose points are fields."""
 
     point_parent: Vector
     point_child: Vector
+
+
+class Weld(AbstractMotionAtPoints):
+    """No relative motion; `reference` is the constant orientation."""
+
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
@@ -196,45 +203,29 @@ class Weld(AbstractMotionSubspace):
         del position
         return ()
 
-    def rates(self, state: JointState) -> PyTree:
-        """Return an empty tuple, the rate of the empty position."""
-        return state.position
 
-    def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """Return the empty position."""
-        del changes
-        return position
+class AbstractTurning(AbstractMotionAtPoints):
+    """Rotation by an angle about `axis`, a unit vector in the child's axes.
 
-
-class Hinge(AbstractMotionSubspace):
-    """Rotation by an angle (rad) about `axis`, a unit vector in the child's axes.
-
-    `reference` holds the Euler parameters that transform components in the child's axes to the
-    parent's at angle zero. `aligning` computes them from the axis in both bodies.
+    `reference` is the orientation at angle zero, which `aligning` computes from the axis in both
+    bodies.
     """
 
-    point_parent: Vector
-    point_child: Vector
     axis: Vector
     reference: EulerParameters
 
-    def encode(self, relative: Relative) -> JointState:
-        """Return the angle of rotation, rad, within (-2 pi, 2 pi], and its rate, rad/s.
+    def angle(self, relative: Relative) -> Scalar:
+        """Return the angle of rotation, rad, within (-2 pi, 2 pi].
 
         The range is two revolutions because Euler parameters depend on half the angle: after one
         revolution they have the opposite sign.
         """
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)
-        angle = 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
-        return JointState(angle, (relative.twist.angular.dot(self.axis),))
+        return 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return Euler parameters that transform the child's components to the parent's.
-
-        They combine the constant `reference` with a rotation by the angle `position`, rad, about
-        the axis.
-        """
+        """Return the rotation by the angle `position`, rad, followed by `reference`."""
         vector = self.axis * sine_of(0.5 * position)
         rotation = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, rotation)
@@ -255,33 +246,30 @@ class Hinge(AbstractMotionSubspace):
         matrix = rotation_matrix(self.reference)
         return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
 
+
+class Hinge(AbstractTurning):
+    """Rotation by an angle (rad) about an axis; its position is the angle."""
+
+    def encode(self, relative: Relative) -> JointState:
+        """Return the angle, rad, and its rate, rad/s."""
+        return JointState(self.angle(relative), (relative.twist.angular.dot(self.axis),))
+
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
         """Return a rotation about the axis at 1 rad/s."""
         del position
         return (Twist(self.axis, ZERO),)
 
-    def rates(self, state: JointState) -> Scalar:
-        """Return the rate of the angle, rad/s."""
-        return state.speeds[0]
-
-    def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """Return the angle plus the change, rad."""
-        return add(position, changes[0])
-
     def without_drift(self, position: Scalar) -> Scalar:
-        """Return the angle within the range of `encode`."""
+        """Return the angle within (-2 pi, 2 pi]."""
         return within_two_turns(position)
 
 
-class Ball(AbstractMotionSubspace):
+class Ball(AbstractMotionAtPoints):
     """Free rotation of the child about the joint's point.
 
     The position consists of the Euler parameters that transform components in the child's axes to
     the parent's. The three speeds are the relative spin in the child's axes, rad/s.
     """
-
-    point_parent: Vector
-    point_child: Vector
 
     def encode(self, relative: Relative) -> JointState:
         """Return the relative Euler parameters and the relative spin, rad/s in the child's axes."""
@@ -312,15 +300,12 @@ class Ball(AbstractMotionSubspace):
         return kept_unit(position)
 
 
-class Slider(AbstractMotionSubspace):
+class Slider(AbstractMotionAtPoints):
     """Translation by a distance (m) along `axis`, a unit vector in the child's axes.
 
-    `reference` holds the Euler parameters that transform components in the child's axes to the
-    parent's.
+    `reference` is the constant orientation.
     """
 
-    point_parent: Vector
-    point_child: Vector
     axis: Vector
     reference: EulerParameters
 
@@ -343,14 +328,6 @@ class Slider(AbstractMotionSubspace):
         del position
         return (Twist(ZERO, self.axis),)
 
-    def rates(self, state: JointState) -> Scalar:
-        """Return the rate of the distance, m/s."""
-        return state.speeds[0]
-
-    def after_displacement(self, position: Scalar, changes: tuple[Scalar, ...]) -> Scalar:
-        """Return the distance plus the change, m."""
-        return add(position, changes[0])
-
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
     """Return Euler parameters of a rotation that turns the second unit vector into the first.
@@ -367,20 +344,9 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     It is the shortest rotation. For a vector with a negative z component, half a revolution about x
     precedes it, because the shortest rotation is singular for the direction -z.
     """
-    if isinstance(axis.z, int | float):
-        return _forwards(axis) if axis.z >= 0.0 else _backwards(axis)
-    both = zip(_parts(_forwards(axis)), _parts(_backwards(axis)), strict=True)
-    return EulerParameters(*(where(axis.z >= 0.0, a, b) for a, b in both))
-
-
-def _forwards(axis: Vector) -> EulerParameters:
-    return EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
-
-
-def _backwards(axis: Vector) -> EulerParameters:
+    forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
-    return composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))
-
-
-def _parts(p: EulerParameters) -> tuple[Scalar, ...]:
-    return p.e0, p.e1, p.e2, p.e3
+    backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))
+    if isinstance(axis.z, int | float):
+        return forwards if axis.z >= 0.0 else backwards
+    return jax.tree.map(lambda a, b: where(axis.z >= 0.0, a, b), forwards, backwards)

@@ -4,7 +4,7 @@ import math
 
 from ...math.vectors import Scalar
 from ..contact.damping_factors import LankaraniNikravesh
-from ..contact.stiffness import RavnStiffness
+from ..contact.laws import RavnStiffness
 from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 
 ORIGIN = (0.0, 0.0, 0.0)

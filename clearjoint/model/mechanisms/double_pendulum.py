@@ -37,8 +37,6 @@ def double_pendulum(
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `axial`: an `AbstractAxialPolicy`; `FreeAxially()` by default.
 
-    **Returns:** the scene and the initial state.
-
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']

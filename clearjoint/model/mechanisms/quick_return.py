@@ -6,13 +6,12 @@ import numpy as np
 
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
-from ..clearance_joints.pin_in_slot import PinInSlot
+from ..clearance_joints.between_walls import PinInSlot
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.damping_factors import HuntCrossley
 from ..contact.friction import AbstractFriction
-from ..contact.laws import AbstractContactLaw
-from ..contact.stiffness import GivenStiffness
-from ..drives.rotation import PrescribedRotation
+from ..contact.laws import AbstractContactLaw, GivenStiffness
+from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
 from ..joints.planes import PointInPlaneJoint
 from ..scene import Scene
@@ -54,8 +53,6 @@ def quick_return(
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
       of 0.8, by default.
     - `friction`: of pin and walls.
-
-    **Returns:** the scene and the initial state.
 
     >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)

@@ -11,8 +11,8 @@ from ..clearance_joints.lubricated import LubricatedJoint
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw
-from ..drives.rotation import PrescribedRotation
-from ..film.laws import AbstractFilm
+from ..drives.drivers import PrescribedRotation
+from ..films import AbstractFilm
 from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
@@ -52,8 +52,6 @@ def rotor_in_bearing(
     - `law`: replaces the default law.
     - `friction`: of the dry wall.
     - `gravity`: (3,) m/s^2.
-
-    **Returns:** the scene and the initial state.
 
     >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)

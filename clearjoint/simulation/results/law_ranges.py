@@ -1,6 +1,6 @@
 """Check whether contacts of a run were deeper than the ranges of validity of their laws."""
 
-from ...model.contact.limits import exceeded
+from ...model.contact.gap import exceeded
 from ...model.scene import Scene
 from .impact_table import Impacts
 

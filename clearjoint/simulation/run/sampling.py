@@ -18,7 +18,7 @@ from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...native import Native
-from ...parametrisation.parametrised_scene import AbstractFamily
+from ...parametrisation.parametrised_scene import ParametrisedScene
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...result_codes import RESULTS
@@ -97,7 +97,7 @@ class Sampled(eqx.Module):
 
 def followed(
     scheme: Scheme,
-    family: AbstractFamily,
+    family: ParametrisedScene,
     outputs: Mapping[str, Quantity],
     times: jax.Array,
     t0: Scalar,

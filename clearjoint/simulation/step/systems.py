@@ -11,7 +11,7 @@ from ...dynamics.system import System
 from ...math.vectors import Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...parametrisation.parametrised_scene import AbstractFamily, Coordinates
+from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
 
 Value = TypeVar("Value")
 Auxiliary = TypeVar("Auxiliary")
@@ -28,7 +28,7 @@ class SystemFamily(eqx.Module):
       time.
     """
 
-    family: AbstractFamily
+    family: ParametrisedScene
     formulation: Formulation
     origin: Scalar | None = None
 

@@ -1,10 +1,10 @@
-"""Translational joint with clearance: a slider between the two walls of a guide."""
+"""Clearance joints between flat walls: a pin in a slot, and a slider in a guide."""
 
 import equinox as eqx
 import numpy as np
 
 from ...fields.checks import require_axis, require_point
-from ...fields.declarations import quantity
+from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar, add
@@ -12,15 +12,137 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
-from ..joints.planes import LineInPlaneJoint
+from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     AbstractSharedLawJoint,
+    FlatWall,
     offset_at_flat_wall,
     require_right_angle,
     require_smaller_clearance,
 )
-from .flat_walls import FlatWall
+from .journal_bases import SIDES
+
+WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
+"""Labels of the contacts with the two walls and with the two ends of the slot.
+
+"lower" is on the negative side of the slot's normal or axis, "upper" on the positive side.
+"""
+
+
+class PinInSlot(AbstractSharedLawJoint):
+    """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
+
+    The pin touches one of two parallel walls when its centre is half the play from the middle, and
+    one of two flat ends when its centre is half the travel from the middle. The play is the slot's
+    width minus the pin's diameter.
+
+    The contact is a line across the plate's thickness, perpendicular to axis and normal, and the
+    force acts at its middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m
+    with the exponent 1, where E* is the contact modulus (V. L. Popov, Contact Mechanics and
+    Friction, chapter 5): use `Hertz((pi/4) * E * L, exponent=1.0)`. Only the walls and ends hold
+    the pin: the other joints of a planar mechanism have to hold both bodies in the plane.
+
+    **Arguments:**
+
+    - `slot_body`, `pin_body`: names of the bodies; one may be the ground.
+    - `slot_point`: middle of the slot, (3,) m in its body's axes.
+    - `slot_axis`: direction of the slot, (3,) in the same axes, any length.
+    - `slot_normal`: normal of the walls, perpendicular to `slot_axis`, (3,), any length.
+    - `pin_point`: centre of the pin, (3,) m in its body's axes.
+    - `pin_radius`: m.
+    - `play`: m, total travel of the pin between the walls.
+    - `travel`: m, total travel between the ends; ``None``, the default, for a slot without ends.
+    - `law`: normal law of walls and ends; it needs an explicit stiffness, because they are flat.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+
+    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
+    stiffness from radii, or another value is outside its range.
+
+    ```python
+    import clearjoint as cj
+
+    law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
+    slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
+    ```
+    """
+
+    slot_body: str = eqx.field(static=True)
+    pin_body: str = eqx.field(static=True)
+    play: Single = quantity(
+        "m", positive=True, remedy="give the slot's width less the pin's diameter", kw_only=True
+    )
+    pin_radius: Single = quantity("m", positive=True, kw_only=True)
+    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    slot_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    slot_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0), kw_only=True)
+    slot_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
+    pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
+    travel: Single | None = optional_quantity("m", positive=True, kw_only=True)
+    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        default=None, kw_only=True
+    )
+
+    def _check_together(self) -> None:
+        require_flat_law(self.law, "the slot's walls")
+        require_right_angle("slot_axis", self.slot_axis, "slot_normal", self.slot_normal)
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the slot's body and the pin's body."""
+        return self.slot_body, self.pin_body
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the labels of both walls, and of both ends if the slot has ends."""
+        return WALLS if self.travel is None else WALLS + ENDS
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the slot's middle and the pin's centre, m in body axes."""
+        return (
+            ("slot_point", self.slot_body, self.slot_point),
+            ("pin_point", self.pin_body, self.pin_point),
+        )
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contacts by label: walls, and ends if the slot has ends."""
+        slot, pin = (motions[name] for name in self.pair())
+        directions = [(WALLS, unit(self.slot_normal), self.play)]
+        if self.travel is not None:
+            directions.append((ENDS, unit(self.slot_axis), self.travel))
+        contacts = {}
+        for labels, outward, room in directions:
+            for side, label in zip(SIDES, labels, strict=True):
+                wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
+                has_friction = self.friction is not None
+                contacts[label] = wall.contact(
+                    slot, pin, self.pin_point, self.pin_radius, has_friction
+                )
+        return contacts
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the largest meaningful penetration of each contact by label, m: `pin_radius`."""
+        deepest: Scalar = self.pin_radius
+        return dict.fromkeys(self.contact_labels(), deepest)
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the ideal joint that keeps the pin's centre in the middle plane of the slot."""
+        return self._ideal(self.slot_point)
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the ideal joint that holds the pin where a load, (3,) N, presses it."""
+        offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
+        return None if offset is None else self._ideal(self.slot_point + offset)
+
+    def _ideal(self, point: Triple) -> AbstractConstraint:
+        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw two walls and a roller between them."""
+        slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
+        pin = Marker(self.pin_body, self.pin_point)
+        room = 2.0 * self.pin_radius + self.play
+        pen.walls(slot, pin, self.slot_normal, distance=room)
+        pen.roller(pin, radius=self.pin_radius)
+
 
 CORNERS = {
     "rear upper": (-1.0, 1.0),
@@ -134,13 +256,7 @@ class SliderInGuide(AbstractSharedLawJoint):
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the slider where a load presses it to a wall.
-
-        Return ``None`` if the load has no component along the walls' normal.
-
-        **Arguments:** `load`: (3,) N, force of the slider on the guide, in the axes of the guide's
-        body.
-        """
+        """Return the ideal joint that holds the slider where a load, (3,) N, presses it."""
         offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
         return None if offset is None else self._ideal(self.guide_point + offset)
 

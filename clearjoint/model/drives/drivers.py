@@ -1,0 +1,388 @@
+"""Drivers between two bodies: prescribed rotations and translations, torques and motors.
+
+Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance.
+"""
+
+import abc
+import math
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ...fields.checks import require_axis, require_euler_parameters
+from ...fields.declarations import optional_quantity, quantity
+from ...fields.types import Quadruple, Single, Triple
+from ...math.functions import wrapped
+from ...math.rotations import unit
+from ...math.smoothing import ramp
+from ...math.vectors import Scalar
+from ..bodies import Wrench
+from ..joints.base import (
+    PARALLEL,
+    AbstractConstraint,
+    AbstractForce,
+    AbstractPair,
+    AbstractPairAtPoints,
+    Motions,
+    Row,
+)
+from ..joints.constraint_rows import (
+    angle_about,
+    point_in_plane,
+    rate_of,
+    row_following,
+)
+from .functions_of_time import (
+    AbstractFunctionOfTime,
+    SingleInTime,
+    as_function_of_time,
+    breakpoints_of,
+    require_continuous,
+    single_in_time,
+    value_at,
+)
+
+
+class AbstractDrive(AbstractPair):
+    """Base class of elements that act on the angle of a second body about an axis of a first body.
+
+    - `axis`: (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero.
+    """
+
+    axis: eqx.AbstractVar[Triple]
+    orientation: eqx.AbstractVar[Quadruple]
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+        require_euler_parameters("orientation", self.orientation)
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the second body's angle about the axis relative to the first body, as a row.
+
+        The row has the value of the angle, rad within (-pi, pi], and its Jacobian. The angle is
+        right-handed about the axis.
+        """
+        return angle_about(*self._between(motions), self.axis, self.orientation)
+
+
+class AbstractDriveAboutAxis(AbstractDrive):
+    """A drive with the usual order of fields: names and axis first, the orientation last."""
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
+
+
+class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
+    """An ideal driver: the second body's angle follows a function of time; one row.
+
+    The multiplier is the driving moment in N m, positive if it pushes the second body towards
+    larger angles: `observe(...).reactions[driver]` has it as the moment on each body. The energy
+    ledger lists its work as "supplied". Angles are taken modulo 2 pi, so that the number of
+    revolutions is unlimited.
+
+    If the angle has kinks, declare their times as `breakpoints`: velocities jump there by an
+    impulse of the driver. A run ends with `RESULTS.not_followed` if the driver can't be followed.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Swing(cj.extend.AbstractRotationDriver):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        amplitude: float  # rad
+        frequency: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def angle(self, t):
+            return self.amplitude * jnp.sin(self.frequency * t)
+
+    swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
+    scene, guess = cj.mechanisms.slider_crank(motor=swing)
+    state = cj.assemble(scene, guess)
+    ```
+    """
+
+    @abc.abstractmethod
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the angle in rad at a time in s.
+
+        It must be continuous, and JAX must be able to differentiate it twice between the
+        `breakpoints`.
+        """
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return one row, "angle": the angle minus the prescribed angle, rad modulo 2 pi."""
+        row = row_following(self.relative_angle(motions), self.angle, t)
+        return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
+
+
+class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
+    """Rotates the second body relative to the first at constant speed.
+
+    For other motions use `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `speed`: rad/s, right-handed about the axis.
+    - `initial_angle`: rad, at time zero.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
+    >>> print(f"{drive.angle(0.1):.1f} rad")
+    5.0 rad
+    """
+
+    speed: Single = quantity("rad/s", shape=())
+    initial_angle: Single = quantity("rad", shape=(), default=0.0)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the initial angle plus speed times time, rad."""
+        return self.initial_angle + self.speed * t
+
+
+class AbstractDriveTorque(AbstractDrive, AbstractForce):
+    """Base class of torques about an axis on the second body, with the reaction on the first.
+
+    ```python
+    import clearjoint as cj
+
+    class Motor(cj.extend.AbstractDriveTorque):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        stall_torque: float  # N m
+        idle_speed: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def torque_at(self, angle, speed, t):
+            return self.stall_torque * (1.0 - speed / self.idle_speed)
+
+    motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
+    ```
+    """
+
+    @abc.abstractmethod
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the torque in N m, positive towards larger angles.
+
+        **Arguments:** `angle`: rad, within (-pi, pi]. `speed`: its rate, rad/s. `t`: s.
+        """
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the torque on the second body and its reaction on the first, by body."""
+        angle = self.relative_angle(motions)
+        torque = self.torque_at(angle.value, rate_of(angle, motions), t)
+        return {
+            name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
+        }
+
+    def speed(self, motions: Motions) -> Scalar:
+        """Return the rate of the angle of the second body relative to the first, rad/s."""
+        return rate_of(self.relative_angle(motions), motions)
+
+
+class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
+    """A torque that is constant or a function of time.
+
+    For a torque that depends on angle or speed subclass `AbstractDriveTorque`, or use `Motor`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    axis = (0, 0, 1)
+    pulsing = cj.DriveTorque("ground", "crank", axis, lambda t: 2.0 + jnp.sin(30.0 * t))
+    switched = cj.DriveTorque("ground", "crank", axis, cj.PiecewiseConstant([0, 0.2], [2.0, 0.0]))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 1.8, 2.1, 2.0])
+    replayed = cj.DriveTorque("ground", "crank", axis, measured)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `torque`: N m, positive towards larger angles: a number, or a function of time such as
+      `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
+      `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
+      of the compiled program and can't be saved in a scene file.
+
+    **Raises:** `ValueError` if the torque is neither a number nor a function, or another value is
+    invalid.
+
+    >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
+    >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
+    """
+
+    torque: SingleInTime = single_in_time("N m")
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the torque at the time `t`, s, in N m."""
+        del angle, speed
+        return value_at(self.torque, t)
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of a torque that is a function of time, s."""
+        return breakpoints_of(self.torque)
+
+
+class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
+    """Prescribes the second body's angle relative to the first as a function of time; one row.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    swing = cj.PrescribedAngle("ground", "crank", (0, 0, 1), lambda t: 0.5 * jnp.sin(20.0 * t))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
+    replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `function`: the angle in rad as a function of time in s: a `Spline` through a table, a
+      `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX can
+      differentiate twice. A Python function is part of the compiled program, has no parameters to
+      vary or fit, and can't be saved in a scene file.
+
+    **Raises:** `ValueError` if `function` is not a continuous function of time, or another value is
+    invalid.
+    """
+
+    function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the prescribed angle, rad, at the time `t`, s."""
+        return self.function(t)
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the function, s."""
+        return self.function.breakpoints()
+
+
+class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
+    """Prescribes a point's distance along an axis of the first body as a function of time; one row.
+
+    It doesn't constrain the motion across the axis: add a prismatic or cylindrical joint. The
+    multiplier is the driving force in N, positive if it pushes the second body along the axis. The
+    energy ledger lists its work as "supplied".
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m in body axes.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
+      point to the second's.
+
+    **Raises:** as `PrescribedAngle`.
+
+    >>> slide = cj.PrescribedTranslation(
+    ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
+    ... )
+    >>> slide.body_names()
+    ('ground', 'slider')
+    """
+
+    axis: Triple = quantity("1", check=require_axis)
+    function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
+
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the row "distance": the distance minus the prescribed distance, m."""
+        points = self.point_first, unit(self.axis), self.point_second
+        distance = point_in_plane(*self._between(motions), *points)
+        return {"distance": row_following(distance, self.function, t)}
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the function, s."""
+        return self.function.breakpoints()
+
+
+ROUNDING = 0.02
+"""Half-width of the smooth transition to the torque limit, as a fraction of the limit."""
+SI = "give it in SI units"
+
+
+class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
+    """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
+
+    The torque is proportional (target - angle) + derivative (target's rate - speed), limited in
+    both directions. Within 2 % of the limit a parabola replaces the kink, so that derivatives are
+    continuous and steps stay long; elsewhere the limit is exact.
+
+    The angle's error is taken within half a revolution. To control a speed regardless of the angle,
+    set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
+
+    ```python
+    import clearjoint as cj
+
+    target = cj.Polynomial((0.0, 50.0))  # 50 rad/s
+    axis = (0, 0, 1)
+    motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
+    - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
+    - `torque_limit`: N m, positive; ``None`` for no limit.
+
+    **Raises:** `ValueError` if a value is outside its range, or the target is not a function of
+    time.
+    """
+
+    target: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
+    proportional: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
+    derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
+    torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the control torque, N m, within the torque limit.
+
+        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: time, s.
+        """
+        t = jnp.asarray(t, dtype=float)
+        target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
+        error = wrapped(target - angle, 2.0 * math.pi)
+        torque = self.proportional * error + self.derivative * (target_speed - speed)
+        if self.torque_limit is None:
+            return torque
+        width = ROUNDING * self.torque_limit
+        excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
+        return torque - ramp(excess, width) + ramp(shortfall, width)
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the target, s."""
+        return self.target.breakpoints()

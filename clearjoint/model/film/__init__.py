@@ -1,1 +1,0 @@
-"""Lubricant films between journal and bearing: laws of their force."""

@@ -1,0 +1,341 @@
+"""Springs, dampers, bushings and applied loads."""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import PyTree
+
+from ..fields.checks import (
+    require_euler_parameters,
+    require_numbers,
+    require_point,
+    require_shape,
+)
+from ..fields.declarations import quantity
+from ..fields.types import ArrayLike, Quadruple, Single, Triple
+from ..math.functions import wrapped
+from ..math.rotation_vectors import RotationVector, rotation_vector
+from ..math.rotations import rotation_matrix
+from ..math.smoothing import norm_and_direction
+from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
+from .bodies import Wrench
+from .drives.drivers import AbstractDriveTorque
+from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
+from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
+from .pen import AbstractPen, Marker
+
+SI = "give it in SI units"
+NONE = (0.0, 0.0, 0.0)
+
+
+class SpringDamper(AbstractPairAtPoints, AbstractForce):
+    """A linear spring and damper between a point of one body and a point of another.
+
+    The force is zero where the points coincide, because it has no direction there.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `stiffness`: N/m, not negative.
+    - `damping`: N s/m, not negative; zero by default.
+    - `free_length`: length without spring force, m, not negative; zero by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> wrenches = extend.unpack(spring).wrenches({"ground": ground, "ball": ball}, 0.0)
+    >>> print(f"{wrenches['ball'].force.x:.1f} N")
+    -10.0 N
+    """
+
+    stiffness: Single = quantity("N/m", positive=True, zero=True, remedy=SI)
+    damping: Single = quantity("N s/m", default=0.0, positive=True, zero=True, remedy=SI)
+    free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
+
+    def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
+        first, second = motions[self.first], motions[self.second]
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        length, direction = norm_and_direction(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
+        return length - self.free_length, velocity.dot(direction), direction
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return opposite forces along the line between the points, by body name."""
+        del t
+        stretch, rate, direction = self._stretch(motions)
+        force = direction * (self.stiffness * stretch + self.damping * rate)
+        return {
+            self.first: motions[self.first].wrench(force, self.point_first),
+            self.second: motions[self.second].wrench(-force, self.point_second),
+        }
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the spring's energy, J: half the stiffness times the squared elongation."""
+        del t
+        return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the damper's power, W, which is never positive."""
+        del t
+        return -self.damping * self._stretch(motions)[1] ** 2
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a spring."""
+        pen.spring(*self.ends())
+
+
+class TorsionalSpring(AbstractDriveTorque):
+    """A linear torsional spring and damper about a common axis of two bodies.
+
+    The angle from the rest position is taken within half a revolution. The torque jumps there,
+    because the bodies' positions don't determine the number of revolutions.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
+    - `rest_angle`: rad, of the unloaded spring.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
+    >>> spring.body_names()
+    ('ground', 'lever')
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
+    stiffness: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
+    damping: Single = quantity(
+        "N m s/rad", shape=(), default=0.0, positive=True, zero=True, remedy=SI
+    )
+    rest_angle: Single = quantity("rad", shape=(), default=0.0)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the torque on the second body, N m, from angle, rad, and speed, rad/s."""
+        del t
+        return -(self.stiffness * self._twist(angle) + self.damping * speed)
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the spring's energy, J: half the stiffness times the squared twist."""
+        del t
+        return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the damper's power, W, which is never positive."""
+        del t
+        return -self.damping * self.speed(motions) ** 2
+
+    def _twist(self, angle: Scalar) -> Scalar:
+        return wrapped(angle - self.rest_angle, 2.0 * math.pi)
+
+
+class AppliedLoad(AbstractForce):
+    """A force and a torque on a body in global axes, constant or functions of time.
+
+    For a load that depends on the motion subclass `AbstractForce`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    weight = cj.AppliedLoad("rod", force=(0.0, -20.0, 0.0), point=(0.1, 0.0, 0.0))
+    kick = cj.PiecewiseConstant([0.0, 0.1, 0.12], [0.0, 500.0, 0.0])
+    kicked = cj.AppliedLoad("rod", force=(kick, 0.0, 0.0))
+
+    def unbalance(t):  # 40 N at 300 rad/s
+        return 40.0 * jnp.cos(300.0 * t), 40.0 * jnp.sin(300.0 * t), 0.0
+
+    shaken = cj.AppliedLoad("rod", force=unbalance)
+    ```
+
+    **Arguments:**
+
+    - `body`: its name.
+    - `force`: (3,) N. `torque`: (3,) N m. Each component is a number or a function of time as for
+      `DriveTorque`. Instead of three components, a table with values (N, 3) or a Python function
+      that returns three numbers may be passed.
+    - `point`: where the force acts, (3,) m in body axes.
+
+    **Raises:** `ValueError` if a component is neither a number nor a function of time, or their
+    number is not three.
+
+    >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
+    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> wrenches = extend.unpack(load).wrenches({"arm": still}, 0.0)
+    >>> print(f"{wrenches['arm'].moment.z:.1f} N m")
+    -5.0 N m
+    """
+
+    body: str = eqx.field(static=True)
+    force: TripleInTime = triple_in_time("N", default=NONE)
+    torque: TripleInTime = triple_in_time("N m", default=NONE)
+    point: Triple = quantity("m", check=require_point, default=NONE)
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the name of the body."""
+        return (self.body,)
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the point where the force acts, m in body axes."""
+        return (("point", self.body, self.point),)
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the load at the time `t`, s, as a wrench on the body by its name."""
+        motion = motions[self.body]
+        force, torque = vector_at(self.force, t), vector_at(self.torque, t)
+        return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the components that are functions of time, s."""
+        return breakpoints_of(self.force, self.torque)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw an arrow for the force at time zero."""
+        pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))
+
+
+def _require_none_negative(argument: str, value: ArrayLike) -> None:
+    require_shape(argument, value, (3,), "pass a number for each of the bushing's axes")
+    expected, remedy = "zero or positive", "give stiffness and damping in SI units"
+    require_numbers(lambda k: (k >= 0.0).all(), argument, (value,), expected, remedy)
+
+
+class _Strain(NamedTuple):
+    """Deformation of the bushing, with components along its axes.
+
+    - `axes`: matrix that transforms components along the bushing's axes to global components.
+    - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
+      its rate, m/s.
+    - `rotation`, `rotation_rate`: rotation vector of the second body's frame relative to the
+      first's, rad, and its rate, rad/s.
+    """
+
+    axes: Matrix
+    shift: Vector
+    shift_rate: Vector
+    rotation: RotationVector
+    rotation_rate: Vector
+
+
+class Bushing(AbstractPairAtPoints, AbstractForce):
+    """Springs and dampers along and about three axes, such as a rubber liner.
+
+    The bushing's axes are fixed to the first body. Let s be the displacement of the second body's
+    point from the first body's, and r the rotation vector (axis times angle) of the second body's
+    frame relative to the first's. Force and moment derive from the energy (k s^2 + c r^2)/2 and the
+    dissipation d s'^2 + b r'^2, summed over the axes. Rotations may therefore be large: about one
+    axis the moment is exactly c times the angle, the order of rotations about several axes doesn't
+    matter, and the elastic forces are conservative. The rotation must stay below half a revolution,
+    where a rotation vector is singular.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `point_first`, `point_second`: (3,) m in body axes.
+    - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
+    - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
+      (3,).
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters that transform components in
+      the bushing's frame to each body's frame; the body's frame by default. The two frames are
+      parallel in the relaxed bushing.
+
+    **Raises:** `ValueError` if a number is negative or an orientation is invalid.
+
+    ```python
+    import clearjoint as cj
+
+    liner = cj.Bushing(
+        "frame", "arm", (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0),
+        stiffness=(2e6, 2e6, 4e5),
+        damping=(200.0, 200.0, 100.0),
+        rotational_stiffness=(300.0, 300.0, 5.0),
+    )
+    ```
+    """
+
+    stiffness: Triple = quantity("N/m", check=_require_none_negative)
+    damping: Triple = quantity("N s/m", check=_require_none_negative, default=NONE)
+    rotational_stiffness: Triple = quantity("N m/rad", check=_require_none_negative, default=NONE)
+    rotational_damping: Triple = quantity("N m s/rad", check=_require_none_negative, default=NONE)
+    orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+    orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+
+    def _strain(self, motions: Motions) -> _Strain:
+        """Return the deformation of the bushing in a motion of its bodies."""
+        first, second = motions[self.first], motions[self.second]
+        axes = first.rotation @ rotation_matrix(self.orientation_first)
+        frame = second.rotation @ rotation_matrix(self.orientation_second)
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        # The relative velocity is measured from the first body's material point at the place of the
+        # second body's point, so that a common rotation does not count as deformation.
+        point_in_first = self.point_first + first.components(apart)
+        velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
+        spin = second.direction(second.spin) - first.direction(first.spin)
+        rotation = rotation_vector(axes.T @ frame)
+        return _Strain(
+            axes,
+            axes.transposed_times(apart),
+            axes.transposed_times(velocity),
+            rotation,
+            rotation.rate(axes.transposed_times(spin)),
+        )
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the wrench of all springs and dampers on each body, by body name."""
+        del t
+        first, second = motions[self.first], motions[self.second]
+        strain = self._strain(motions)
+        # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
+        # rotation vector.
+        forces_along = strain.shift.componentwise_product(
+            self.stiffness
+        ) + strain.shift_rate.componentwise_product(self.damping)
+        conjugate_moment = strain.rotation.vector.componentwise_product(
+            self.rotational_stiffness
+        ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
+        force = strain.axes @ forces_along
+        # The moment's power is its product with the rate of the rotation vector, which differs from
+        # the relative angular velocity for large rotations. The torque has the same power with the
+        # angular velocity; without this conversion the elastic torque would not be conservative.
+        torque = strain.axes @ strain.rotation.torque(conjugate_moment)
+        # Both forces act at the second body's point. Opposite forces at two points that are apart
+        # may form a couple, which would not conserve angular momentum.
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        point_in_first = self.point_first + first.components(apart)
+        return {
+            self.first: first.wrench(force, point_in_first) + first.torque(torque),
+            self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
+        }
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the energy of the springs along and about the three axes, J."""
+        del t
+        strain = self._strain(motions)
+        energy = _weighted(self.stiffness, strain.shift)
+        return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the power of the dampers along and about the three axes, W; never positive."""
+        del t
+        strain = self._strain(motions)
+        power = _weighted(self.damping, strain.shift_rate)
+        return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a spring."""
+        pen.spring(*self.ends())
+
+
+def _weighted(weights: Vector, vector: Vector) -> Scalar:
+    """Return the sum of the squared components of a vector, each times its weight."""
+    return vector.componentwise_product(weights).dot(vector)

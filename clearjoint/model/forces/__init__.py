@@ -1,1 +1,0 @@
-"""Force elements without contact: springs, bushings and loads."""

@@ -1,0 +1,330 @@
+"""Ideal joints that couple two motions: a mesh of gears, a screw, and a universal joint."""
+
+import math
+from dataclasses import replace
+
+import equinox as eqx
+
+from ...fields.checks import (
+    require,
+    require_axis,
+    require_euler_parameters,
+    require_numbers,
+    require_positive,
+    require_shape,
+)
+from ...fields.declarations import quantity
+from ...fields.types import ArrayLike, Quadruple, Single, Triple
+from ...math.functions import cosine, polar_angle, sine, where, wrapped
+from ...math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
+from ...math.vectors import ZERO, EulerParameters, Scalar, Vector
+from ..pen import AbstractPen
+from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
+from .constraint_rows import angle_about, scaled_row, sum_of_rows
+from .ideal import AbstractAxisJoint, AbstractPairJoint
+from .motion_subspaces import (
+    AbstractMotionAtPoints,
+    AbstractTurning,
+    Hinge,
+    JointState,
+    Relative,
+    Twist,
+    aligning,
+)
+
+
+def _require_teeth(argument: str, value: ArrayLike) -> None:
+    remedy = "give a whole number of teeth; of two pulleys, whole numbers in their radii's ratio"
+    require_positive(argument, value, remedy)
+    expected = "a whole number, positive"
+    require_numbers(lambda number: number.round() == number, argument, (value,), expected, remedy)
+
+
+class GearJoint(AbstractConstraint):
+    """Fixed speed ratio of two gears on a carrier, from their numbers of teeth; one row.
+
+    The carrier is the housing, usually "ground", or the moving arm of an epicyclic gear. The gears
+    rotate in opposite senses about axes of the same direction, unless `internal` is set for a ring
+    gear or for two pulleys of a belt. For bevel gears the axes may have any directions. The gear
+    joint doesn't hold the axes: add revolute joints, ideal or with clearance.
+
+    Angles are taken modulo a tooth, so that the number of revolutions is unlimited: of all meshing
+    positions, the gear joint holds the nearest.
+
+    The Lagrange multiplier is the moment on the first gear in N m. The moments on gears and carrier
+    equal those of a real mesh, but the force between the teeth, which loads the bearings, is not
+    modelled.
+
+    ```python
+    import clearjoint as cj
+
+    gears = cj.GearJoint("ground", "pinion", "wheel", (0, 0, 1), (0, 0, 1), 17, 51)
+    ```
+
+    **Arguments:**
+
+    - `carrier`, `first`, `second`: names of the carrier's and the two gears' bodies.
+    - `axis_first`, `axis_second`: axis of each gear, (3,) in the carrier's axes, any length.
+    - `teeth_first`, `teeth_second`: numbers of teeth, whole and positive.
+    - `internal`: whether the gears rotate in the same sense; by default they don't.
+    - `offset`: rad, the first gear's angle when the second gear's angle is zero.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
+      components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
+      default.
+
+    **Raises:** `ValueError` if a number of teeth is not whole and positive, or an axis or
+    orientation is invalid.
+    """
+
+    carrier: str = eqx.field(static=True)
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+    teeth_first: Single = quantity("1", check=_require_teeth)
+    teeth_second: Single = quantity("1", check=_require_teeth)
+    internal: bool = eqx.field(default=False, static=True)
+    offset: Single = quantity("rad", shape=(), default=0.0)
+    orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+    orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+        for gear in (self.first, self.second):
+            remedy = "name the body that carries the gears"
+            require(self.carrier != gear, "carrier", gear, "another body than the gears", remedy)
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the carrier, the first and the second gear."""
+        return self.carrier, self.first, self.second
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the row "mesh": the error of the first gear's angle, rad modulo a tooth."""
+        del t
+        carrier, gears = motions[self.carrier], (self.first, self.second)
+        axes = self.axis_first, self.axis_second
+        orientations = self.orientation_first, self.orientation_second
+        first, second = (
+            angle_about((self.carrier, gear), carrier, motions[gear], axis, orientation)
+            for gear, axis, orientation in zip(gears, axes, orientations, strict=True)
+        )
+        ratio = self.teeth_second / self.teeth_first
+        mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
+        tooth = 2.0 * math.pi / self.teeth_first
+        return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
+
+
+class ScrewMotion(AbstractTurning):
+    """Rotation by an angle about an axis, with a proportional advance along the axis.
+
+    The position is the angle, rad; its rate is the only speed.
+
+    - `axis`: unit vector in the child's axes.
+    - `reference`: orientation at angle zero.
+    - `pitch`: advance per angle, m/rad.
+    """
+
+    pitch: Scalar
+
+    def encode(self, relative: Relative) -> JointState:
+        """Return the angle, rad, whose revolutions the advance tells, and its rate, rad/s."""
+        angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
+        angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
+        error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
+        return JointState(angle_by_advance - error, (rate,))
+
+    def displacement(self, position: Scalar) -> Vector:
+        """Return the vector from the parent's point to the child's, m in the child's axes."""
+        return self.axis * (self.pitch * position)
+
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
+        """Return a rotation about the axis at 1 rad/s with its advance, in the child's axes."""
+        del position
+        return (Twist(self.axis, self.axis * self.pitch),)
+
+
+def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
+    """Return Euler parameters of the shortest rotation that turns the second unit vector into the
+    first.
+
+    Their norm need not be 1. The vectors must not be opposite.
+    """
+    vector = second.cross(first)
+    return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
+
+
+def _require_lead(argument: str, value: ArrayLike) -> None:
+    require_shape(argument, value, (), "pass a single number in m")
+    remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
+    require_numbers(lambda lead: lead != 0.0, argument, (value,), "other than zero", remedy)
+
+
+class ScrewJoint(AbstractAxisJoint):
+    r"""Couples rotation about an axis with an advance along it; five rows.
+
+    $$a = \frac{g}{1 + \frac{J}{m} \left(\frac{2 \pi}{l}\right)^2}$$
+
+    The equation gives the acceleration a of a nut of mass m and moment of inertia J that descends
+    under gravity g on a vertical screw of lead l. The advance is taken modulo the lead, so that the
+    number of revolutions is unlimited: of all positions for an angle, the joint holds the nearest.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes. The two
+      points coincide at angle zero.
+    - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in body axes, any
+      length. At angle zero, the frames differ by the shortest rotation that makes them parallel.
+    - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
+      negative for a left-handed one.
+
+    **Raises:** `ValueError` if the lead is zero, or a point or axis is invalid.
+
+    >>> axes = (0, 0, 1), (0, 0, 1)
+    >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2', 'tilt 1', 'tilt 2', 'thread']
+    """
+
+    lead: Single = quantity("m", check=_require_lead)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return "offset 1", "offset 2" and "thread", m, and "tilt 1" and "tilt 2", cosines."""
+        del t
+        cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
+        return cylindrical | {"thread": self._thread(motions)}
+
+    def _thread(self, motions: Motions) -> Row:
+        advance = self._in_plane(motions, unit(self.axis_first))
+        by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
+        row = sum_of_rows((advance, by_angle))
+        return replace(row, value=wrapped(row.value, self.lead))
+
+    def motion_subspace(self, parent: str) -> ScrewMotion:
+        """Return the subspace of rotation about the axis with its advance."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        first, second = unit(self.axis_first), unit(self.axis_second)
+        # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
+        second = second * where(first.dot(second) < 0.0, -1.0, 1.0)
+        in_parent, in_child = self._ordered(parent, first, second)
+        pitch = self.lead * (0.5 / math.pi)
+        return ScrewMotion(*points, in_child, shortest_rotation(in_parent, in_child), pitch)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a sleeve on a rail."""
+        pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
+
+
+Angles = tuple[Scalar, Scalar]
+"""Angle of the cross about the parent's arm, and of the child about its own arm, rad."""
+
+
+class UniversalMotion(AbstractMotionAtPoints):
+    """Rotation by two angles (rad), about an arm of the parent and about an arm of the child.
+
+    The position consists of the two angles; the speeds are their rates, rad/s.
+
+    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `arm_parent`, `arm_child`: arms of the cross, unit vectors in each body's axes.
+    """
+
+    arm_parent: Vector
+    arm_child: Vector
+
+    def _reference(self) -> EulerParameters:
+        """Return the orientation if both angles are zero."""
+        return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
+
+    def _about_child(self, reference: EulerParameters) -> Hinge:
+        return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
+
+    def _about_parent(self, angle: Scalar) -> EulerParameters:
+        vector = self.arm_parent * sine(0.5 * angle)
+        return EulerParameters(cosine(0.5 * angle), vector.x, vector.y, vector.z)
+
+    def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
+        """Return the parent's arm, a unit vector in the child's axes, and its derivative by the
+        second angle, 1/rad.
+
+        `angle` is the second angle, rad, about the child's arm.
+        """
+        start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
+        quarter = self.arm_child.cross(start)
+        c, s = cosine(angle), sine(angle)
+        return start * c - quarter * s, -(start * s + quarter * c)
+
+    def encode(self, relative: Relative) -> JointState:
+        """Return both angles, rad in (-pi, pi] and (-2 pi, 2 pi], and their rates, rad/s."""
+        start, quarter = transverse_axes(self.arm_parent)
+        arm = rotation_matrix(relative.orientation) @ self.arm_child
+        first = polar_angle(arm.dot(quarter), arm.dot(start))
+        reference = composed(self._about_parent(first), self._reference())
+        second = self._about_child(reference).encode(relative)
+        along, _ = self._parents_arm(second.position)
+        return JointState(
+            (first, second.position), (relative.twist.angular.dot(along), *second.speeds)
+        )
+
+    def orientation(self, position: Angles) -> EulerParameters:
+        """Return Euler parameters that transform components in the child's axes to the parent's."""
+        reference = composed(self._about_parent(position[0]), self._reference())
+        return self._about_child(reference).orientation(position[1])
+
+    def columns(self, position: Angles) -> tuple[Twist, ...]:
+        """Return rotations at 1 rad/s about both arms, in the child's axes."""
+        return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
+
+    def bias(self, state: JointState) -> Twist:
+        """Return the rate of the relative twist at constant speeds, in the child's axes.
+
+        It isn't zero, because the parent's arm rotates as seen from the child.
+        """
+        _, change = self._parents_arm(state.position[1])
+        return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
+
+    def without_drift(self, position: Angles) -> Angles:
+        """Return the angles within (-2 pi, 2 pi]."""
+        return within_two_turns(position[0]), within_two_turns(position[1])
+
+
+class UniversalJoint(AbstractPairJoint):
+    r"""A Hooke or Cardan joint: keeps two points together and two axes perpendicular; four rows.
+
+    $$\frac{\omega_2}{\omega_1} = \frac{\cos \beta}{1 - \sin^2 \beta \cos^2 \theta}$$
+
+    The axes are the arms of a massless cross. The equation is the ratio of the speeds omega of two
+    shafts that enclose the angle beta. Here theta is the first shaft's angle of rotation, zero
+    where its arm lies in the plane of the shafts (C. E. Wilson, J. P. Sadler, Kinematics and
+    Dynamics of Machinery, 1993).
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: centre of the cross on each body, (3,) m in body axes.
+    - `axis_first`, `axis_second`: arm of the cross on each body, (3,) in body axes, any length.
+
+    **Raises:** `ValueError` if a point or axis is invalid.
+
+    >>> joint = cj.UniversalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['translation x', 'translation y', 'translation z', 'cross']
+    """
+
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return three translations, m, and "cross", the cosine of the angle between the arms."""
+        del t
+        arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
+        return self._coincidence(motions) | {"cross": arms}
+
+    def motion_subspace(self, parent: str) -> UniversalMotion:
+        """Return the subspace of rotation about the two arms of the cross."""
+        points = self._ordered(parent, self.point_first, self.point_second)
+        arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return UniversalMotion(*points, *arms)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a cross."""
+        pen.cross(*self.ends(self.axis_first, self.axis_second))

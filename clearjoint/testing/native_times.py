@@ -1,0 +1,20 @@
+"""Measure how long native programs take to make."""
+
+import gc
+
+from ..native.functions import NativeProgram
+from ..native.lanes import LaneLoop
+
+
+def native_seconds() -> dict[str, float]:
+    """Return the processor time, s, that this process has spent to make its native programs.
+
+    **Returns:** seconds by stage: "tracing" by JAX, "lowering" of JAX's program to operations,
+    "writing" of LLVM code, and "compiling" of this code.
+
+    >>> sorted(testing.native_seconds())
+    ['compiling', 'lowering', 'tracing', 'writing']
+    """
+    programs = [each for each in gc.get_objects() if isinstance(each, NativeProgram | LaneLoop)]
+    stages = ("tracing", "lowering", "writing", "compiling")
+    return {stage: sum(program.seconds[stage] for program in programs) for stage in stages}
