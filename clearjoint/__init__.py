@@ -196,6 +196,11 @@ from .simulation.run.settle import settle as settle
 from .simulation.run.simulate import simulate as simulate
 from .simulation.run.wall_impact import free_impact as free_impact
 from .simulation.step.settings import Settings as Settings
+from .statistics.derivatives import statistics_derivatives as statistics_derivatives
+from .statistics.ensemble import ensemble as ensemble
+from .statistics.global_sensitivity import sobol_indices as sobol_indices
+from .statistics.uncertain import Uncertain as Uncertain
+from .statistics.uncertain import design as design
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
 from .sweeps.outputs import ImpactTable as ImpactTable

@@ -26,7 +26,7 @@ FLOORS = (
     ("quantities",),
     ("simulation",),
     ("information", "measurements", "sweeps"),
-    ("identification", "scene_files", "testing"),
+    ("identification", "scene_files", "statistics", "testing"),
     ("plot", "reference", "views"),
     ("command_line",),
 )
@@ -41,7 +41,7 @@ THIRD_PARTY = {
     "click": {"command_line"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification", "model", "plot", "scene_files", "views"},
+    "scipy": {"identification", "model", "plot", "scene_files", "statistics", "views"},
     "xarray": {
         "command_line",
         "export",
@@ -49,6 +49,7 @@ THIRD_PARTY = {
         "measurements",
         "plot",
         "simulation",
+        "statistics",
         "sweeps",
     },
     "pandas": {"command_line", "export", "information", "measurements"},

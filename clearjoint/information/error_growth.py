@@ -53,13 +53,13 @@ def disturbance(scene: Scene) -> Parameter:
 
     During the run, the stabilisation of drivers and of joints in closed loops counteracts it.
     """
-    return Parameter.change(_Push(tuple(_radii(scene).items())), 0.0, unit="m/s")
+    return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
     """Return the coordinates of the bodies' points, m, as quantities by name."""
     quantities: dict[str, Quantity] = {}
-    for body, radius in _radii(scene).items():
+    for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
             for component in ("x", "y", "z"):
                 name = f"point {k} of {body}: {component}"
@@ -101,7 +101,7 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
     return float(np.polyfit(times[used], np.log(size[used]), 1)[0])
 
 
-def _radii(scene: Scene) -> dict[str, float]:
+def radii_of_gyration(scene: Scene) -> dict[str, float]:
     """Return the mean radius of gyration of each body by name, m."""
     radii = {}
     for name, body in scene.bodies.items():

@@ -1,0 +1,1 @@
+"""Statistics of many runs: ensembles, derivatives of averages, and global sensitivity."""

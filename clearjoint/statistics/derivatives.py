@@ -1,0 +1,267 @@
+r"""Derivatives of statistics of a motion by nominal values of its parameters.
+
+The nominal value \(\theta\) is the middle of a stated distribution of manufacture, so that the
+expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even where f is not.
+
+- Normal distribution: by Stein's identity, \(J' = E[f z] / \sigma\), the coefficient of z in a
+  regression of f on Hermite polynomials of z (divided by \(\sigma\)). The regression is the
+  likelihood-ratio method with control variates: the other polynomials reduce the variance and leave
+  the expectation as it is.
+- Uniform distribution: \(J' = (E[f | z = 1] - E[f | z = -1]) / (2 \sigma)\), exactly, where
+  \(\sigma\) is half the width. The two runs of a pair share the start and all other parameters.
+"""
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..export.labelled import Labelled, labelled_dataset, texts
+from ..fields.checks import require, require_count, require_positive
+from ..fields.conversion import with_arrays
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..simulation.step.settings import Settings
+from ..sweeps.executors import AbstractSubmitter
+from ..sweeps.outputs import Output
+from ..sweeps.sweep import CHUNK, sweep
+from .ensemble import DISTURBANCE, scalar_outputs
+from .starts import directions, disturbed_axes
+from .uncertain import Uncertain, check_uncertain
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LEAST_RUNS = 10
+"""Number of runs for each coefficient of the regression below which its errors are unreliable."""
+
+
+class Estimates(NamedTuple):
+    """Derivatives (p,) of a mean by the standardised parameters, and their standard errors (p,)."""
+
+    derivatives: Float[np.ndarray, " p"]
+    errors: Float[np.ndarray, " p"]
+
+
+def statistics_derivatives(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    uncertain: Mapping[str, Uncertain],
+    outputs: Mapping[str, Output],
+    settings: Settings | None = None,
+    *,
+    members: int = 2000,
+    disturbance: float = DISTURBANCE,
+    seed: int = 0,
+    confidence: float = 0.95,
+    path: str | PathLike | None = None,
+    executor: AbstractSubmitter | None = None,
+    threads: int | None = None,
+    chunk: int = CHUNK,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> "xr.Dataset":
+    """Estimate the derivatives of the outputs' means by nominal values, with intervals.
+
+    The means are over the tolerances of manufacture and over starts that differ by less than a
+    measurement can resolve. The method holds for chaotic motions, whose own derivatives grow
+    without bound.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
+      `threads`, `chunk`, `progress`: as in `sweep`.
+    - `uncertain`: the p parameters, `Uncertain` by name. A `deviation` needs no runs of its own,
+      whatever the number of parameters; each `half_width` or `between` takes `members` further
+      runs.
+    - `members`: number of runs, each with its own draw of all parameters, even; at least 10 for
+      each of the 1 + 3 p + p (p - 1)/2 coefficients of the regression.
+    - `disturbance`, `seed`: of the starts, as in `ensemble`.
+    - `confidence`: level of the intervals, between 0 and 1.
+
+    **Returns:** an `xarray.Dataset`. For each output "force", ``force_mean`` and
+    ``force_standard_error`` are scalars; ``force_derivative``,
+    ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
+    interval) are along "parameter". Derivatives are with respect to the nominal coordinates of the
+    parameters' scales: for `Log`, of the logarithm. ``failed`` counts the failed runs, which are
+    left out.
+
+    **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
+
+    >>> tolerance = cj.Uncertain(cj.Parameter(stiffness.variation, cj.Log()), deviation=0.02)
+    >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> found = cj.statistics_derivatives(
+    ...     scene, state, 0.5, {"stiffness": tolerance}, speed, members=200, progress=False
+    ... )
+    >>> print(f"{float(found['speed_derivative'][0]):.3f}")  # 0.1 m sqrt(k/m): half of 1 m/s
+    0.500
+    """
+    check_uncertain(uncertain)
+    require_positive("disturbance", disturbance, "give it in m/s")
+    inside = 0.0 < float(confidence) < 1.0
+    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+    _check_members(members, len(uncertain))
+    scene, state = with_arrays((scene, state))
+    draws = _draws(uncertain, members, seed)
+    axes = {
+        name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
+    }
+    results = sweep(
+        scene,
+        state,
+        end_time,
+        disturbed_axes(
+            scene,
+            state,
+            axes,
+            disturbance,
+            _directions(scene, len(draws), members, seed),
+            start_time,
+        ),
+        outputs,
+        settings,
+        zipped=True,
+        path=path,
+        executor=executor,
+        threads=threads,
+        chunk=chunk,
+        start_time=start_time,
+        progress=progress,
+    )
+    from scipy.special import ndtri
+
+    factor = float(ndtri(0.5 * (1.0 + confidence)))
+    sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
+    normal = np.array([one.is_normal for one in uncertain.values()])
+    variables: dict[str, Labelled] = {}
+    for name, values in scalar_outputs(results).items():
+        unit = results[name].attrs.get("units", "1")
+        found = estimate(draws, values, members, normal)
+        scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
+        sample = values[:members][np.isfinite(values[:members])]
+        variables |= _labelled(name, unit, sample, scaled, factor)
+    failed = int((results["result"].values != 0).sum())
+    variables["failed"] = Labelled((), failed, description="number of failed runs")
+    labels = {
+        "parameter": Labelled(("parameter",), texts(list(uncertain))),
+        "coordinate": Labelled(
+            ("parameter",),
+            texts([one.parameter.scale.label(name) for name, one in uncertain.items()]),
+        ),
+    }
+    notes = {"runs": len(draws), "seed": seed, "confidence": confidence}
+    notes["disturbance"] = f"{disturbance:g} m/s"
+    return labelled_dataset("derivatives of statistics", variables, labels, tuple(notes.items()))
+
+
+def _labelled(
+    name: str, unit: str, sample: np.ndarray, found: Estimates, factor: float
+) -> dict[str, Labelled]:
+    """Return mean and derivatives of an output, with their errors and intervals, by name.
+
+    `sample`: values of the output; `factor`: half the width of an interval, in standard errors.
+    """
+    derivatives, errors = found
+    along = {
+        "derivative": derivatives,
+        "derivative_standard_error": errors,
+        "derivative_low": derivatives - factor * errors,
+        "derivative_high": derivatives + factor * errors,
+    }
+    error = sample.std(ddof=1) / np.sqrt(len(sample))
+    return {
+        f"{name}_mean": Labelled((), sample.mean(), unit),
+        f"{name}_standard_error": Labelled((), error, unit),
+        **{f"{name}_{key}": Labelled(("parameter",), row, unit) for key, row in along.items()},
+    }
+
+
+def _check_members(members: int, parameters: int) -> None:
+    require_count("members", members, "give a number of runs")
+    require(members % 2 == 0, "members", members, "even", "add one")
+    coefficients = 1 + 3 * parameters + parameters * (parameters - 1) // 2
+    expected = f"{LEAST_RUNS * coefficients} or more for {parameters} parameters"
+    require(members >= LEAST_RUNS * coefficients, "members", members, expected, "run more")
+
+
+def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
+    """Return standardised coordinates (runs, p): `members` independent draws, and for each uniform
+    parameter as many more, in pairs that differ only in this parameter, 1 and -1."""
+    rng, blocks = np.random.default_rng([seed, 1]), []
+    ones = list(uncertain.values())
+
+    def drawn(count: int) -> np.ndarray:
+        points = rng.random((count, len(ones)))
+        return np.stack([one.standardised(p) for one, p in zip(ones, points.T, strict=True)], -1)
+
+    blocks.append(drawn(members))
+    for k, one in enumerate(ones):
+        if not one.is_normal:
+            pairs = np.repeat(drawn(members // 2), 2, axis=0)
+            pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
+            blocks.append(pairs)
+    return np.concatenate(blocks)
+
+
+def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
+    """Return a random direction of the start for each run; runs of a pair share theirs."""
+    along = directions(scene, runs, seed)
+    along[members + 1 :: 2] = along[members::2]
+    return along
+
+
+def estimate(
+    draws: Float[np.ndarray, "runs p"],
+    values: Float[np.ndarray, " runs"],
+    members: int,
+    normal: np.ndarray,
+) -> Estimates:
+    """Return derivatives by the standardised coordinates, from the runs of
+    `statistics_derivatives`.
+
+    **Arguments:** `draws`: standardised coordinates; `values`: an output, NaN where a run failed;
+    `members`: number of independent draws, which come first; `normal`: (p,), whether the
+    distribution of each parameter is normal.
+
+    **Raises:** `ValueError` if too few runs succeed.
+    """
+    count = draws.shape[1]
+    derivatives, errors = np.zeros(count), np.zeros(count)
+    usable = np.isfinite(values[:members])
+    _check_members(2 * (int(usable.sum()) // 2), count)
+    slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
+    derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
+    first = members
+    for k in np.flatnonzero(~normal):
+        pairs = values[first : first + 2 * (members // 2)].reshape(-1, 2)
+        halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
+        halves = halves[np.isfinite(halves)]
+        require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
+        derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
+        first += 2 * (members // 2)
+    return Estimates(derivatives, errors)
+
+
+def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients (p,) of z in a regression of y, and their standard errors.
+
+    The regressors are orthogonal under the distribution of z, so that the expectation of the
+    coefficient of z does not depend on the others: Hermite polynomials up to degree 3 for normal
+    and Legendre polynomials for uniform parameters, and products of two parameters.
+    """
+    p = z.shape[1]
+    square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)
+    cube = np.where(normal, z**3 - 3.0 * z, 2.5 * z**3 - 1.5 * z)
+    products = [z[:, i] * z[:, j] for i in range(p) for j in range(i)]
+    columns = [np.ones(len(z)), *z.T, *square.T, *cube.T, *products]
+    design = np.stack(columns, axis=1)
+    inverse = np.linalg.pinv(design)
+    residuals = y - design @ (inverse @ y)
+    # The scatter of a chaotic output depends on z: HC3 errors don't assume equal variances.
+    leverage = np.einsum("ij,ji->i", design, inverse)
+    scaled = residuals / np.maximum(1.0 - leverage, 1e-12)
+    errors = np.sqrt(((inverse * scaled) ** 2).sum(axis=1))
+    return (inverse @ y)[1 : p + 1], errors[1 : p + 1]

@@ -1,0 +1,221 @@
+"""Ensembles: runs from starts that differ by less than a measurement can resolve."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..fields.checks import require, require_count, require_positive
+from ..fields.conversion import with_arrays
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..result_codes import RESULTS, result_number
+from ..simulation.step.settings import Settings
+from ..sweeps.axes import Axis
+from ..sweeps.executors import AbstractSubmitter
+from ..sweeps.outputs import Output
+from ..sweeps.sweep import CHUNK, sweep
+from .lyapunov import exponents_from
+from .starts import directions, disturbed_axes, with_values
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DISTURBANCE = 1e-9
+"""Default size of the disturbance of the initial velocities, m/s."""
+MEMBER, QUANTILE = "member", "quantile"
+NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
+"""Results of every lane that are not outputs."""
+
+
+def ensemble(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    axes: Mapping[str, Axis] | None = None,
+    outputs: Mapping[str, Output] | None = None,
+    settings: Settings | None = None,
+    *,
+    members: int = 100,
+    disturbance: float = DISTURBANCE,
+    seed: int = 0,
+    quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
+    exponents: int = 0,
+    path: str | PathLike | None = None,
+    executor: AbstractSubmitter | None = None,
+    threads: int | None = None,
+    chunk: int = CHUNK,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> "xr.Dataset":
+    """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
+
+    Past its predictability horizon a chaotic motion can't be computed from a measured start; its
+    statistics can. The starts differ in velocities and spins only, in random directions that the
+    constraints permit. Runs are lanes of one zipped `sweep`.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
+      `threads`, `chunk`, `progress`: as in `sweep`. Statistics are those of reductions and of
+      other outputs with one number in each run.
+    - `axes`: `Axis` by name; the points are all combinations of the values. By default one point.
+    - `members`: number of runs at each point. More members of the same seed extend a stored
+      ensemble.
+    - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
+      speed at its body's radius of gyration.
+    - `seed`: of the random directions. All points share the directions.
+    - `quantiles`: levels between 0 and 1.
+    - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
+      point, 2 or more; 0 for none. Each takes a run with derivatives, one after the other.
+
+    **Returns:** an `xarray.Dataset` along the axes. For each output "force":
+
+    - ``force``: the values along "member", NaN for failed runs;
+    - ``force_mean``, ``force_standard_error`` (of the mean), and ``force_deviation`` (standard
+      deviation);
+    - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile".
+
+    ``failed`` counts the failed runs, which are left out of the statistics.
+    ``lyapunov_exponent``, 1/s, and its ``lyapunov_exponent_standard_error`` are the mean and its
+    standard error over members of the growth rate of a disturbance in the second half of the run.
+    The growth is that of tangents (`sensitivities`), which, unlike pairs of runs, are exact across
+    impacts, need no size, and never saturate.
+
+    **Raises:** `ValueError` for unsupported arguments.
+
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> found = cj.ensemble(
+    ...     scene, state, 0.5, outputs={"speed": speed}, members=20, progress=False
+    ... )
+    >>> found["speed"].shape, int(found["failed"])
+    ((20,), 0)
+    >>> print(f"{float(found['speed_mean']):.6f}")
+    1.000000
+    """
+    axes = {} if axes is None else dict(axes)
+    _check(axes, members, disturbance, quantiles, exponents)
+    scene, state = with_arrays((scene, state))
+    points = _points(axes)
+    count = len(points[0]) if points else 1
+    repeated = {
+        name: Axis(axis.variation, np.repeat(column, members))
+        for (name, axis), column in zip(axes.items(), points, strict=True)
+    }
+    along = np.tile(directions(scene, members, seed), (count, 1))
+    lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, members)
+    results = sweep(
+        scene,
+        state,
+        end_time,
+        lanes,
+        outputs,
+        settings,
+        zipped=True,
+        path=path,
+        executor=executor,
+        threads=threads,
+        chunk=chunk,
+        start_time=start_time,
+        progress=progress,
+    )
+    shape = tuple(len(axis.values) for axis in axes.values())
+    labels = {
+        name: (name, axis.values, {"units": axis.unit_in(scene, state)})
+        for name, axis in axes.items()
+    }
+    notes = {"members": members, "disturbance": f"{disturbance:g} m/s", "seed": seed}
+    statistics = _statistics(results, labels, (*shape, members), quantiles)
+    if exponents:
+        growth = np.empty((count, 2))
+        for k in range(count):
+            values = {name: column[k] for name, column in zip(axes, points, strict=True)}
+            at = with_values(scene, state, axes, values)
+            end = end_time(at[0]) if callable(end_time) else end_time
+            starts = along[:exponents]
+            growth[k] = exponents_from(*at, end, disturbance, starts, start_time, progress)
+        for column, name in enumerate(("lyapunov_exponent", "lyapunov_exponent_standard_error")):
+            variable = tuple(axes), growth[:, column].reshape(shape), {"units": "1/s"}
+            statistics[name] = variable
+    return statistics.assign_attrs({**results.attrs, **notes})
+
+
+def _check(
+    axes: Mapping[str, Axis],
+    members: int,
+    disturbance: float,
+    quantiles: tuple[float, ...],
+    exponents: int,
+) -> None:
+    for name, axis in axes.items():
+        kind, fine = type(axis).__name__, isinstance(axis, Axis) and name not in (MEMBER, QUANTILE)
+        expected = f'an Axis, and not named "{MEMBER}" or "{QUANTILE}"'
+        require(fine, f"axes[{name!r}]", kind, expected, "pass {name: cj.Axis(path, values)}")
+    require_count("members", members, "give a number of runs at each point")
+    require(members > 1, "members", members, "2 or more", "statistics need several runs")
+    require_positive("disturbance", disturbance, "give it in m/s")
+    levels = np.asarray(quantiles, float)
+    inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
+    require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
+    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
+    expected = f"0, or a whole number from 2 to members = {members}"
+    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
+
+
+def _points(axes: Mapping[str, Axis]) -> list[np.ndarray]:
+    """Return the values of each axis at all combinations, each (points,), the last axis fastest."""
+    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
+    return [grid.ravel() for grid in grids]
+
+
+def scalar_outputs(results: "xr.Dataset") -> dict[str, np.ndarray]:
+    """Return by name the outputs with one number in each lane, (lanes,), NaN for failed lanes."""
+    failed = results["result"].values != result_number(RESULTS.successful)
+    return {
+        str(name): np.where(failed, np.nan, variable.values.astype(float))
+        for name, variable in results.data_vars.items()
+        if variable.dims == ("lane",) and name not in NOT_OUTPUTS
+    }
+
+
+def _statistics(
+    results: "xr.Dataset",
+    labels: Mapping[str, tuple],
+    shape: tuple[int, ...],
+    quantiles: tuple[float, ...],
+) -> "xr.Dataset":
+    """Return the statistics of all outputs.
+
+    `results`: of the zipped sweep; `labels`: coordinates of the points; `shape`: numbers of values
+    of the axes, and of members.
+    """
+    import xarray as xr
+
+    members, levels = shape[-1], np.asarray(quantiles, float)
+    # About two thirds of all samples have their quantile between these two levels, by the normal
+    # approximation of the binomial distribution.
+    aside = np.sqrt(levels * (1.0 - levels) / members)
+    found = xr.Dataset(coords={**labels, QUANTILE: levels})
+    failed = results["result"].values.reshape(shape) != result_number(RESULTS.successful)
+    found["failed"] = tuple(labels), failed.sum(axis=-1), {"long_name": "number of failed runs"}
+    for name, values in scalar_outputs(results).items():
+        unit = {"units": results[name].attrs.get("units", "1")}
+        runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
+        deviation = runs.std(MEMBER, ddof=1)
+        ends = (np.clip(levels + sign * aside, 0.0, 1.0) for sign in (1.0, -1.0))
+        with warnings.catch_warnings():
+            # The quantiles of a point whose runs all failed are NaN.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            above, below = (runs.quantile(end, MEMBER).values for end in ends)
+            quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
+        found[name] = runs.assign_attrs(unit)
+        found[f"{name}_mean"] = runs.mean(MEMBER).assign_attrs(unit)
+        found[f"{name}_deviation"] = deviation.assign_attrs(unit)
+        error = deviation / np.sqrt(runs.count(MEMBER))
+        found[f"{name}_standard_error"] = error.assign_attrs(unit)
+        found[f"{name}_quantile"] = quantile.assign_attrs(unit)
+        errors = np.moveaxis(0.5 * (above - below), 0, -1)
+        found[f"{name}_quantile_standard_error"] = (*labels, QUANTILE), errors, unit
+    return found

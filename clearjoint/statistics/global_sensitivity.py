@@ -1,0 +1,166 @@
+"""Sobol indices: the shares of the variance of an output that its parameters cause."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..export.labelled import Labelled, labelled_dataset, texts
+from ..fields.checks import require, require_count
+from ..fields.conversion import with_arrays
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..simulation.step.settings import Settings
+from ..sweeps.executors import AbstractSubmitter
+from ..sweeps.outputs import Output
+from ..sweeps.sweep import CHUNK, sweep
+from .ensemble import scalar_outputs
+from .uncertain import Uncertain, axes_at, check_uncertain, unit_cube
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ORDERS = ("first_order", "total_order")
+RESAMPLES = 999
+"""Number of bootstrap samples from which the intervals are computed."""
+
+
+def sobol_indices(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    uncertain: Mapping[str, Uncertain],
+    outputs: Mapping[str, Output],
+    settings: Settings | None = None,
+    *,
+    count: int = 256,
+    seed: int = 0,
+    confidence: float = 0.95,
+    path: str | PathLike | None = None,
+    executor: AbstractSubmitter | None = None,
+    threads: int | None = None,
+    chunk: int = CHUNK,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> "xr.Dataset":
+    """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
+
+    The first-order index of a parameter is the share of the variance that it causes alone, the
+    total index that which it causes alone and together with others. The estimator is that of
+    `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010), the
+    intervals are percentiles of a bootstrap over groups of runs.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
+      `threads`, `chunk`, `progress`: as in `sweep`.
+    - `uncertain`: p parameters, two or more, `Uncertain` by name.
+    - `count`: n, a power of two; n (p + 2) runs are made.
+    - `seed`: of the scrambled Sobol points and of the bootstrap.
+    - `confidence`: level of the intervals, between 0 and 1.
+
+    **Returns:** an `xarray.Dataset` along "parameter". For each output "force",
+    ``force_first_order`` and ``force_total_order``, each with ``_low`` and ``_high``, and the
+    scalars ``force_mean`` and ``force_deviation`` over the distributions. Groups of p + 2 runs with
+    a failed run are left out, and the largest power of two of the others is used.
+
+    **Raises:** `ValueError` for unsupported arguments, and if all groups have a failed run.
+
+    >>> stiffness = lambda scene: scene.forces["spring"].stiffness
+    >>> mass = lambda scene: scene.bodies["ball"].mass
+    >>> uncertain = {
+    ...     "stiffness": cj.Uncertain(stiffness, half_width=10.0),
+    ...     "mass": cj.Uncertain(mass, half_width=0.01),
+    ... }
+    >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> found = cj.sobol_indices(scene, state, 0.5, uncertain, speed, count=64, progress=False)
+    >>> bool(found["speed_total_order"].sel(parameter="stiffness") > 0.9)
+    True
+    """
+    check_uncertain(uncertain)
+    p = len(uncertain)
+    require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")
+    require_count("count", count, "give a power of two")
+    require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
+    inside = 0.0 < float(confidence) < 1.0
+    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+    scene, state = with_arrays((scene, state))
+    results = sweep(
+        scene,
+        state,
+        end_time,
+        axes_at(scene, state, uncertain, _groups(p, count, seed)),
+        outputs,
+        settings,
+        zipped=True,
+        path=path,
+        executor=executor,
+        threads=threads,
+        chunk=chunk,
+        start_time=start_time,
+        progress=progress,
+    )
+    variables: dict[str, Labelled] = {}
+    for name, values in scalar_outputs(results).items():
+        groups = values.reshape(count, p + 2)
+        unit = results[name].attrs.get("units", "1")
+        sample = groups[:, :2][np.isfinite(groups[:, :2])]
+        variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
+        variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
+        for order, numbers in _indices(groups, confidence, seed).items():
+            variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
+    failed = int((results["result"].values != 0).sum())
+    variables["failed"] = Labelled((), failed, description="number of failed runs")
+    labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
+    notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}
+    return labelled_dataset("Sobol indices", variables, labels, tuple(notes.items()))
+
+
+def _groups(p: int, count: int, seed: int) -> np.ndarray:
+    """Return the points of all runs in the unit cube, (count (p + 2), p), in groups of p + 2.
+
+    A group has two independent points A and B, and for each parameter the point A with this
+    parameter from B. Groups come one after the other, so that a larger count extends a stored
+    sweep.
+    """
+    first, second = np.split(unit_cube(2 * p, count, "sobol", seed), 2, axis=1)
+    groups = np.repeat(first[:, None], p + 2, axis=1)
+    groups[:, 1] = second
+    groups[:, 2 + np.arange(p), np.arange(p)] = second
+    return groups.reshape(-1, p)
+
+
+def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.ndarray]:
+    """Return first and total indices, (p,), with their bounds, from an output in each group of
+    runs, (n, p + 2)."""
+    from scipy import stats
+
+    whole = groups[np.isfinite(groups).all(axis=1)]
+    require(len(whole) > 1, "count", len(whole), "2 groups without failures or more", "run more")
+    used = 1 << (len(whole).bit_length() - 1)
+    if used < len(groups):
+        warnings.warn(f"{used} of {len(groups)} groups of runs are used.", stacklevel=4)
+
+    def both_orders(rows: np.ndarray) -> np.ndarray:
+        a, b, ab = whole[rows, :1].T, whole[rows, 1:2].T, whole[rows, 2:].T[:, None]
+        found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=used)
+        return np.stack([found.first_order, found.total_order])
+
+    # The bootstrap of SciPy's result takes no seed.
+    interval = stats.bootstrap(
+        (np.arange(used),),
+        both_orders,
+        n_resamples=RESAMPLES,
+        confidence_level=confidence,
+        method="percentile",
+        vectorized=False,
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    parts = {"": both_orders(np.arange(used)), "_low": interval.low, "_high": interval.high}
+    return {
+        f"{order}{suffix}": numbers[k]
+        for k, order in enumerate(ORDERS)
+        for suffix, numbers in parts.items()
+    }

@@ -1,0 +1,121 @@
+"""Initial states that differ by less than a measurement can resolve, as axes of a zipped sweep."""
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from ..dynamics.constraint_report import constraint_report
+from ..fields.checks import require
+from ..information.error_growth import radii_of_gyration
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.variations import SceneNumber
+from ..sweeps.axes import Axis
+
+PARTS = ("velocity", "spin")
+RANK_TOLERANCE = 1e-8
+"""Singular values of the constraints' Jacobian below this share of the largest count as zero."""
+NEGLIGIBLE = 1e-9
+"""Disturbances below this share of the stated size are rounding errors, and become zero."""
+
+
+def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
+    """Return one random direction for each member, before its projection on the constraints.
+
+    The columns are velocity and spin of each body. The first rows don't depend on the number of
+    members, so that an ensemble can be extended.
+    """
+    return np.random.default_rng(seed).standard_normal((members, 6 * len(scene.bodies)))
+
+
+def disturbed_velocities(
+    scene: Scene, state: State, size: float, along: Float[np.ndarray, "n v"], start_time: float
+) -> Float[np.ndarray, "n v"]:
+    """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts.
+
+    Positions stay as they are. Velocities and spins are those of `state` plus a part of the random
+    directions `along` that the constraints permit. The root mean square of the added speeds is
+    `size`, m/s, over starts and bodies; a spin counts by the speed at its body's radius of
+    gyration.
+
+    **Raises:** `ValueError` if the constraints leave no velocity free.
+    """
+    radii = radii_of_gyration(scene)
+    lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in scene.bodies])
+    # In speeds at the radius of gyration, spins and velocities of all bodies are comparable. The
+    # constraints are linear in the velocities, so that directions in the null space of their
+    # Jacobian satisfy them exactly, whatever the size.
+    jacobian = constraint_report(scene, state, start_time).jacobian / lengths
+    singular, rows = np.zeros(0), np.zeros((0, len(lengths)))
+    if jacobian.size:
+        _, singular, rows = np.linalg.svd(jacobian)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
+    free = rows[rank:] if jacobian.size else np.eye(len(lengths))
+    require(
+        len(free) > 0, "scene", "no free velocity", "one that can move", "remove a joint or driver"
+    )
+    added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
+    added[np.abs(added) < NEGLIGIBLE * size] = 0.0
+    return velocities_of(scene, state) + added / lengths
+
+
+def disturbed_axes(
+    scene: Scene,
+    state: State,
+    axes: Mapping[str, Axis],
+    size: float,
+    along: Float[np.ndarray, "lanes v"],
+    start_time: float,
+    members: int = 1,
+) -> dict[str, Axis]:
+    """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
+
+    **Arguments:**
+
+    - `axes`: further axes of the sweep, of as many values as lanes, which may change the state.
+    - `size`: m/s, and `along`: random directions, as in `disturbed_velocities`.
+    - `members`: each row of this many lanes has the same values of `axes`.
+
+    **Returns:** the given axes, and an axis for each component of a velocity or spin that differs
+    from that of the undisturbed state.
+    """
+    # Numbers of the scene don't change the initial state: one Jacobian serves all lanes, since the
+    # disturbance need not satisfy the constraints better than to the order of its square.
+    shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
+    block = len(along) if shared else members
+    velocities, nominal = np.empty_like(along), np.empty_like(along)
+    for first in range(0, len(along), block):
+        rows = slice(first, first + block)
+        values = {} if shared else {name: axis.values[first] for name, axis in axes.items()}
+        at = with_values(scene, state, axes, values)
+        velocities[rows] = disturbed_velocities(*at, size, along[rows], start_time)
+        nominal[rows] = velocities_of(*at)
+    disturbed = dict(axes)
+    names = [(b, part, k) for b in scene.bodies for part in PARTS for k in range(3)]
+    for column, (body, part, k) in enumerate(names):
+        if (velocities[:, column] != nominal[:, column]).any():
+            path = partial(_component, body=body, part=part, k=k)
+            disturbed[f"{body} {part} {'xyz'[k]}"] = Axis.initial(path, velocities[:, column])
+    return disturbed
+
+
+def _component(state: State, body: str, part: str, k: int) -> float:
+    return getattr(state.bodies[body], part)[k]
+
+
+def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
+    """Return velocity and spin of each body in a state, (v,), in the scene's order of bodies."""
+    bodies = [state.bodies[name] for name in scene.bodies]
+    return np.concatenate([[*body.velocity, *body.spin] for body in bodies]).astype(float)
+
+
+def with_values(
+    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
+) -> tuple[Scene, State]:
+    """Return scene and initial state with the given `values` of axes, by name."""
+    for name, value in values.items():
+        change = axes[name].setter(scene, state)
+        scene, state = change(scene, state, value)
+    return scene, state

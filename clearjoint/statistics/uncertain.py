@@ -1,0 +1,181 @@
+"""Uncertain numbers of a scene, with their distributions, and designs that draw them jointly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..fields.checks import require, require_count, require_names, require_positive
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
+from ..parametrisation.paths import NumberPath
+from ..sweeps.axes import Axis
+
+PASS_UNCERTAIN = (
+    'pass {"clearance": cj.Uncertain(lambda s: s.joints["pin"].clearance, deviation=5e-6)}'
+)
+METHODS = ("sobol", "halton", "latin hypercube", "random")
+
+
+@dataclass(frozen=True, init=False)
+class Uncertain:
+    """A number of the scene that differs between specimens, and its distribution.
+
+    The distribution is that of the coordinate of the parameter's scale. With the default scale,
+    `Linear()`, the coordinate is the value itself; with `Log()` it is the natural logarithm of the
+    value, so that a deviation of 0.02 is one of 2 %.
+
+    **Arguments:**
+
+    - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
+      Its value in the scene is the nominal value.
+    - `deviation`: standard deviation of a normal distribution about the nominal value.
+    - `half_width`: half the width of a uniform distribution about the nominal value.
+    - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
+      nominal value is then the middle of the bounds' coordinates.
+
+    Exactly one of the last three is given.
+
+    **Raises:** `ValueError` for none or several of them, for a size that is not positive, and for
+    bounds that don't rise.
+
+    >>> path = lambda scene: scene.joints["shoulder"].clearance
+    >>> cj.Uncertain(path, deviation=5e-6).deviation
+    5e-06
+    """
+
+    parameter: Parameter
+    deviation: float | None
+    half_width: float | None
+    between: tuple[float, float] | None
+
+    def __init__(
+        self,
+        parameter: Parameter | NumberPath,
+        *,
+        deviation: float | None = None,
+        half_width: float | None = None,
+        between: tuple[float, float] | None = None,
+    ):
+        known = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
+        sizes = {"deviation": deviation, "half_width": half_width, "between": between}
+        given = [name for name, size in sizes.items() if size is not None]
+        expected = "one of deviation, half_width and between"
+        require(len(given) == 1, "deviation", given, expected, "give exactly one of them")
+        for name in ("deviation", "half_width"):
+            if sizes[name] is not None:
+                require_positive(name, sizes[name], "give the size of the variation")
+        if between is not None:
+            bounds = np.asarray(between, float)
+            rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
+            require(rising, "between", between, "two rising bounds", "pass (low, high)")
+            between = float(bounds[0]), float(bounds[1])
+        object.__setattr__(self, "parameter", known)
+        object.__setattr__(self, "deviation", deviation)
+        object.__setattr__(self, "half_width", half_width)
+        object.__setattr__(self, "between", between)
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether the distribution is normal; otherwise it is uniform."""
+        return self.deviation is not None
+
+    def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
+        """Return the middle of the distribution and its deviation or half width, as coordinates."""
+        if self.between is None:
+            size = self.deviation if self.half_width is None else self.half_width
+            assert size is not None
+            return self.parameter.coordinate_in(scene, state), float(size)
+        low, high = (self.parameter.scale.coordinate(bound) for bound in self.between)
+        return 0.5 * (low + high), 0.5 * (high - low)
+
+    def standardised(self, probabilities: np.ndarray) -> np.ndarray:
+        """Return (coordinate - centre)/size at probabilities between 0 and 1, of the same shape.
+
+        The result is standard normal, or uniform between -1 and 1.
+        """
+        from scipy.special import ndtri
+
+        return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
+
+    def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
+        """Return the axis of a sweep whose n values have the given standardised coordinates."""
+        centre, size = self.centre_and_size(scene, state)
+        scale = self.parameter.scale
+        # One at a time: a user-defined scale need not accept arrays.
+        values = [float(scale.value(u)) for u in (centre + size * standardised).tolist()]
+        return Axis(self.parameter.variation, np.array(values))
+
+
+def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
+    """Check that the argument is a dictionary of `Uncertain` by name, with one at least.
+
+    **Raises:** `ValueError` that names the wrong entry.
+    """
+    require_names("uncertain", uncertain, PASS_UNCERTAIN)
+    require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
+    for name, one in uncertain.items():
+        kind, fine = type(one).__name__, isinstance(one, Uncertain)
+        require(fine, f"uncertain[{name!r}]", kind, "an Uncertain", PASS_UNCERTAIN)
+
+
+def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
+    """Return a design of `count` points in the unit cube, (count, dimensions), by
+    `scipy.stats.qmc`."""
+    from scipy.stats import qmc
+
+    require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
+    require_count("count", count, "give a number of points")
+    rng = np.random.default_rng(seed)
+    if method == "random":
+        return rng.random((count, dimensions))
+    if method == "sobol":
+        return qmc.Sobol(dimensions, rng=rng).random(count)
+    sampler = qmc.Halton if method == "halton" else qmc.LatinHypercube
+    return sampler(dimensions, rng=rng).random(count)
+
+
+def design(
+    scene: Scene,
+    state: State,
+    uncertain: Mapping[str, Uncertain],
+    count: int,
+    method: str = "sobol",
+    seed: int = 0,
+) -> dict[str, Axis]:
+    """Draw several numbers of a scene jointly from their distributions, as axes of a zipped sweep.
+
+    Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", a
+    larger `count` appends points to the same ones, so that a stored sweep can be extended. The
+    points are those of `scipy.stats.qmc`, scrambled by the seed.
+
+    **Arguments:**
+
+    - `scene`, `state`: with the nominal values.
+    - `uncertain`: the numbers to draw, `Uncertain` by name.
+    - `count`: number of points. Sobol points should be a power of two.
+    - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
+    - `seed`: of the generator; equal seeds give equal designs.
+
+    **Returns:** an `Axis` of `count` values by name.
+
+    >>> tolerance = cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=5.0)
+    >>> axes = cj.design(scene, state, {"stiffness": tolerance}, 4, "latin hypercube")
+    >>> bool((abs(axes["stiffness"].values - 100.0) <= 5.0).all())
+    True
+    """
+    check_uncertain(uncertain)
+    points = unit_cube(len(uncertain), count, method, seed)
+    return axes_at(scene, state, uncertain, points)
+
+
+def axes_at(
+    scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
+) -> dict[str, Axis]:
+    """Return by name the axes whose values have the probabilities `points`, (n, parameters)."""
+    return {
+        name: one.axis(scene, state, one.standardised(points[:, k]))
+        for k, (name, one) in enumerate(uncertain.items())
+    }

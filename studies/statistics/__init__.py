@@ -1,0 +1,1 @@
+"""Statistics past the predictability horizon."""

@@ -1,0 +1,249 @@
+"""The three parts of the study; each draws a figure and returns its findings as text."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+import clearjoint as cj
+from clearjoint.extend import Scalar
+from clearjoint.plot import style
+from studies.common.output import Output
+
+PIN = "slider pin"
+FORCE = cj.quantities.ContactForce(PIN)
+PERIOD = 60.0 / 5000.0
+"""Duration of a revolution at 5000 1/min, s."""
+CLEARANCE, TOLERANCE = 0.1e-3, 5e-6
+"""Nominal radial clearance and the standard deviation of its manufacture, m."""
+SHOWN = ("force", "load_mean", "load_rms")
+CLEARANCES = cj.Axis(lambda scene: scene.joints[PIN].clearance, np.geomspace(2e-5, 2e-4, 8))
+
+
+def outputs() -> dict[str, cj.extend.AbstractReduction]:
+    """Return peak, mean and root mean square of the pin force after the first revolution."""
+    return {
+        "force": cj.Peak(FORCE, "N", after=PERIOD),
+        "load": cj.Statistics(FORCE, "N", after=PERIOD),
+    }
+
+
+def ensemble(output: Output) -> list[str]:
+    """Show how starts that differ by 1e-9 m/s spread, over the clearance."""
+    revolutions, members, exponents = (2, 10, 2) if output.quick else (10, 100, 4)
+    scene, state = cj.mechanisms.slider_crank(CLEARANCE)
+    found = cj.ensemble(
+        scene,
+        state,
+        revolutions * PERIOD,
+        {"clearance": CLEARANCES},
+        outputs(),
+        members=members,
+        exponents=exponents,
+        progress=False,
+    )
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    micrometres, levels = 1e6 * found["clearance"].values, found["force_quantile"].values
+    left.fill_between(micrometres, levels[:, 0], levels[:, -1], color=style.LIGHT)
+    left.plot(micrometres, found["force_mean"], "o-", color=style.BLUE, markersize=4)
+    style.dress(left, "radial clearance, µm", "peak force, N: mean, 5 % and 95 %")
+    rate, error = found["lyapunov_exponent"], found["lyapunov_exponent_standard_error"]
+    right.errorbar(micrometres, PERIOD * rate, PERIOD * error, fmt="o-", color=style.BLUE)
+    right.axhline(0.0, color=style.GREY, linewidth=1.0)
+    style.dress(right, "radial clearance, µm", "largest Lyapunov exponent,\n1/revolution")
+    for axes in (left, right):
+        axes.set_xscale("log")
+    output.save(figure, "ensemble")
+    return [
+        f"{float(c) * 1e6:.3g} µm: peak force {float(mean):.0f} ± {float(sd):.2g} N (deviation), "
+        f"exponent {float(r) * PERIOD:.2f} ± {float(e) * PERIOD:.2f} per revolution"
+        for c, mean, sd, r, e in zip(
+            found["clearance"],
+            found["force_mean"],
+            found["force_deviation"],
+            rate,
+            error,
+            strict=True,
+        )
+    ]
+
+
+def manufactured(clearance: float, members: int, seed: int) -> xr.Dataset:
+    """Return the derivatives by a nominal clearance, m, from a number of runs."""
+    scene, state = cj.mechanisms.slider_crank(clearance)
+    uncertain = {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)}
+    return cj.statistics_derivatives(
+        scene, state, 2 * PERIOD, uncertain, outputs(), members=members, seed=seed, progress=False
+    )
+
+
+def derivatives(output: Output) -> list[str]:
+    """Compare intervals of 20 estimates with differences of two large ensembles."""
+    members, large, cases = (100, 200, 3) if output.quick else (1000, 100_000, 20)
+    start = time.perf_counter()
+    found = [manufactured(CLEARANCE, members, seed) for seed in range(cases)]
+    seconds = (time.perf_counter() - start) / cases
+    step = 0.5 * TOLERANCE
+    start = time.perf_counter()
+    below, above = (manufactured(CLEARANCE + sign * step, large, 1000) for sign in (-1, 1))
+    seconds_large = time.perf_counter() - start
+    lines = [f"{members} runs take {seconds:.1f} s, two ensembles of {large} {seconds_large:.0f} s"]
+    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
+    for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
+        truth = float(above[f"{name}_mean"] - below[f"{name}_mean"]) / (2.0 * step)
+        errors = [float(one[f"{name}_standard_error"]) for one in (below, above)]
+        error = float(np.hypot(errors[0], errors[1])) / (2.0 * step)
+        values = np.array([float(one[f"{name}_derivative"][0]) for one in found])
+        own = np.array([float(one[f"{name}_derivative_standard_error"][0]) for one in found])
+        held = np.abs(values - truth) <= 1.96 * own
+        axes.errorbar(np.arange(cases), 1e-6 * values, 1.96e-6 * own, fmt=".", color=style.BLUE)
+        axes.axhspan(
+            1e-6 * (truth - 1.96 * error),
+            1e-6 * (truth + 1.96 * error),
+            color=style.VERMILLION,
+            alpha=0.4,
+        )
+        style.dress(axes, "case", f"derivative of {name}, N/µm")
+        # Differences of two ensembles of m/2 runs each, a step of half the deviation to each side.
+        deviation = errors[0] * np.sqrt(large)
+        difference = deviation * 2.0 / np.sqrt(members) / (2.0 * step)
+        lines.append(
+            f"{name}: differences {truth * 1e-6:.3g} ± {error * 1e-6:.2g} N/µm; "
+            f"{held.sum()} of {cases} intervals hold it; standard error of {members} runs "
+            f"{own.mean() * 1e-6:.2g}, of differences with as many runs "
+            f"{difference * 1e-6:.2g} N/µm: {(difference / own.mean()) ** 2:.1f} times the cost"
+        )
+    output.save(figure, "derivatives")
+    return lines + [*_other_methods(members)]
+
+
+def _other_methods(members: int) -> list[str]:
+    """Return standard errors of the score method and of tangents, for the mean pin force."""
+    scene, state = cj.mechanisms.slider_crank(CLEARANCE)
+    tolerance = cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)
+    axes = cj.design(scene, state, {"clearance": tolerance}, members, "random")
+    runs = cj.sweep(
+        scene, state, 2 * PERIOD, axes, {"load": outputs()["load"]}, zipped=True, progress=False
+    )
+    z, y = (axes["clearance"].values - CLEARANCE) / TOLERANCE, runs["load_mean"].values
+    lines = []
+    for name, f in {"score": y, "score with the mean subtracted": y - y.mean()}.items():
+        terms = f * z / TOLERANCE
+        error = terms.std() / np.sqrt(members)
+        lines.append(f"{name}: {terms.mean() * 1e-6:.3g} ± {error * 1e-6:.2g} N/µm")
+    plain, shadowing = np.transpose([_tangents(c) for c in axes["clearance"].values[:40]])
+    for name, terms in {"tangents": plain, "least-squares shadowing": shadowing}.items():
+        quartiles = np.percentile(terms, [25, 50, 75]) * 1e-6
+        lines.append(
+            f"{name} at {len(terms)} clearances: mean {terms.mean() * 1e-6:.3g} ± "
+            f"{terms.std() / np.sqrt(len(terms)) * 1e-6:.2g} N/µm, quartiles "
+            + ", ".join(f"{value:.3g}" for value in quartiles)
+        )
+    return lines
+
+
+def _push(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene, cj.State]:
+    """Add a speed along the guide, m/s, to the slider."""
+    moved = cj.set_value(
+        state, lambda s: s.bodies["slider"].velocity[0], state.bodies["slider"].velocity[0] + speed
+    )
+    return scene, moved
+
+
+def _tangents(clearance: float) -> tuple[float, float]:
+    """Return two derivatives of the mean pin force in the second revolution, N/m: that of the
+    motion from its start, and that of its shadow, the motion that stays closest in position.
+
+    The shadow is one segment of NILSS with one direction of growth: a push of the slider is added
+    to the derivative by the clearance, so that the sum of squares of its positions is smallest.
+    """
+    scene, state = cj.mechanisms.slider_crank(clearance)
+    times = np.linspace(PERIOD, 2 * PERIOD, 4001)
+    parameters = {
+        "clearance": cj.Parameter(CLEARANCES.variation),
+        "push": cj.Parameter.change(_push, 0.0, unit="m/s"),
+    }
+    probes = {
+        "force": FORCE,
+        "slider": cj.quantities.Position("slider", "x"),
+        "x": cj.quantities.JournalOffset(PIN, "x"),
+        "y": cj.quantities.JournalOffset(PIN, "y"),
+    }
+    # Tangents of this size must not control the steps, or runs reach their step limit.
+    settings = replace(cj.presets.derivatives, derivative_tolerance=1e9)
+    found = cj.sensitivities(scene, state, 2 * PERIOD, parameters, probes, times, settings)
+    positions = np.concatenate([found.derivatives[name] for name in ("slider", "x", "y")])
+    by_clearance, by_push = positions.T
+    share = -(by_clearance @ by_push) / (by_push @ by_push)
+    mean = found.derivatives["force"].mean(axis=0)
+    return mean[0], mean[0] + share * mean[1]
+
+
+def offset_guide(scene: cj.Scene, state: cj.State, offset: Scalar) -> tuple[cj.Scene, cj.State]:
+    """Move the guide and the slider across the guide, m: the guide misses the crank's axis."""
+    scene = cj.set_value(scene, lambda s: s.joints["guide"].point_first[1], offset)
+    return scene, cj.set_value(state, lambda s: s.bodies["slider"].position[1], offset)
+
+
+def sensitivity(output: Output) -> list[str]:
+    """Return Sobol indices of the peak force in the first revolution and later."""
+    count = 8 if output.quick else 256
+    scene, state = cj.mechanisms.slider_crank(
+        CLEARANCE, friction=cj.frictions.RegularisedCoulomb(0.05)
+    )
+    uncertain = {
+        "clearance": cj.Uncertain(CLEARANCES.variation.function, between=(5e-5, 2e-4)),
+        "restitution": cj.Uncertain(lambda s: s.joints[PIN].law.restitution, between=(0.6, 0.95)),
+        "stiffness": cj.Uncertain(
+            lambda s: s.joints[PIN].law.stiffness.young_modulus, between=(100e9, 210e9)
+        ),
+        "friction": cj.Uncertain(
+            lambda s: s.joints[PIN].friction.coefficient, between=(0.01, 0.15)
+        ),
+        "misalignment": cj.Uncertain(
+            cj.Parameter.change(offset_guide, 0.0, unit="m"), half_width=20e-6
+        ),
+    }
+    found = cj.sobol_indices(
+        scene,
+        state,
+        3 * PERIOD,
+        uncertain,
+        {
+            "first": cj.Peak(FORCE, "N", until=PERIOD),
+            "later": cj.Peak(FORCE, "N", after=PERIOD),
+        },
+        count=count,
+        progress=False,
+    )
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    lines = [f"{found.attrs['runs']} runs, {int(found['failed'])} failed"]
+    for axes, name in zip(figure.subplots(1, 2, sharey=True), ("first", "later"), strict=True):
+        for shift, (order, color) in enumerate(
+            {"first_order": style.BLUE, "total_order": style.VERMILLION}.items()
+        ):
+            value = found[f"{name}_{order}"].values
+            ends = [found[f"{name}_{order}_{end}"].values for end in ("low", "high")]
+            bars = np.abs(np.array(ends) - value)
+            axes.bar(
+                np.arange(5) + 0.4 * shift,
+                value,
+                0.38,
+                yerr=bars,
+                color=color,
+                label=order.replace("_", " "),
+            )
+            numbers = (
+                f"{key} {v:.2f} ({low:.2f} to {high:.2f})"
+                for key, v, low, high in zip(uncertain, value, *ends, strict=True)
+            )
+            lines.append(f"{name} peak, {order.replace('_', ' ')}: {', '.join(numbers)}")
+        axes.set_xticks(np.arange(5) + 0.2, list(uncertain), rotation=30)
+        axes.set_title(f"peak force: {name} revolution{'s' * (name == 'later')}")
+        style.dress(axes, "", "share of the variance")
+    figure.axes[0].legend(frameon=False)
+    output.save(figure, "sensitivity")
+    return lines

@@ -1,0 +1,138 @@
+"""Ensembles of systems whose statistics and Lyapunov exponents are known in closed form."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+
+GRAVITY, LENGTH = 9.81, 0.5
+SPRING, MASS = 100.0, 1.0
+
+
+def ball(stiffness=SPRING, damping=0.0):
+    """A body of 1 kg on a spring along X, which starts at 0.1 m."""
+    spring = cj.SpringDamper(
+        "ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=stiffness, damping=damping
+    )
+    scene = cj.Scene({"ball": cj.Body(MASS, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    return scene, cj.State({"ball": cj.body_state((0.1, 0.0, 0.0))})
+
+
+def pendulum(angle):
+    """A point mass on a rod of `LENGTH` that hangs at the angle zero."""
+    hinge = cj.RevoluteJoint("ground", "bob", (0, 0, 0), (0, LENGTH, 0), (0, 0, 1), (0, 0, 1))
+    bob = cj.Body(1.0, (1e-9, 1e-9, 1e-9))
+    scene = cj.Scene({"bob": bob}, {"hinge": hinge}, gravity=(0.0, -GRAVITY, 0.0))
+    position = LENGTH * np.sin(angle), -LENGTH * np.cos(angle), 0.0
+    state = cj.body_state(position, (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)))
+    return scene, cj.State({"bob": state})
+
+
+class Speed(cj.extend.AbstractReduction):
+    """Velocity along X at the end of the run."""
+
+    def start(self, now):
+        return jnp.zeros(())
+
+    def update(self, tally, now):
+        return tally
+
+    def results(self, tally, now):
+        return {"": now.bodies["ball"].velocity.x}
+
+    def units(self):
+        return {"": "m/s"}
+
+
+def test_exponent_of_an_upright_pendulum_is_the_root_of_gravity_over_length():
+    scene, state = pendulum(np.pi)
+    found = cj.ensemble(scene, state, 2.0, members=3, exponents=3, disturbance=1e-12)
+    exact = np.sqrt(GRAVITY / LENGTH)
+    assert float(found["lyapunov_exponent"]) == pytest.approx(exact, rel=1e-3)
+    assert float(found["lyapunov_exponent_standard_error"]) < 1e-3 * exact
+
+
+def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
+    scene, state = pendulum(0.0)
+    damper = cj.TorsionalSpring("ground", "bob", (0, 0, 1), stiffness=0.0, damping=5.0)
+    scene = cj.Scene(scene.bodies, scene.joints, {"damper": damper}, scene.gravity)
+    found = cj.ensemble(scene, state, 3.0, members=2, exponents=2)
+    half = 0.5 * 5.0 / LENGTH**2
+    rate = -half + np.sqrt(half**2 - GRAVITY / LENGTH)
+    assert float(found["lyapunov_exponent"]) == pytest.approx(rate, rel=1e-3)
+
+
+def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
+    """v(t) = v0 cos(w t) - 0.1 w sin(w t), where v0 is normal with the deviation of one axis."""
+    scene, state = ball()
+    end, size, members = 0.05, 1e-4, 400
+    found = cj.ensemble(
+        scene, state, end, outputs={"v": Speed()}, members=members, disturbance=size, seed=3
+    )
+    w = np.sqrt(SPRING / MASS)
+    # The body has six free velocities, which share the mean square of the disturbance.
+    deviation = size / np.sqrt(6.0) * np.cos(w * end)
+    mean = -0.1 * w * np.sin(w * end)
+    assert float(found["v_deviation"]) == pytest.approx(deviation, rel=4.0 / np.sqrt(2.0 * members))
+    assert float(found["v_standard_error"]) == pytest.approx(
+        float(found["v_deviation"]) / np.sqrt(members)
+    )
+    assert abs(float(found["v_mean"]) - mean) < 4.0 * float(found["v_standard_error"])
+    z = (found["v_quantile"].values - mean) / deviation
+    np.testing.assert_allclose(z, [-1.645, 0.0, 1.645], atol=0.4)
+    assert (found["v_quantile_standard_error"].values > 0.0).all()
+
+
+def test_points_share_their_starts_and_failed_runs_are_counted():
+    scene, state = ball()
+    axes = {"stiffness": cj.Axis(lambda s: s.forces["spring"].stiffness, [100.0, 1e12])}
+    settings = cj.Settings(max_steps=40)
+    with pytest.warns(UserWarning, match="lanes failed"):
+        found = cj.ensemble(
+            scene, state, 0.2, axes, {"v": Speed()}, settings, members=4, progress=False
+        )
+    assert found["failed"].values.tolist() == [0, 4]
+    assert np.isfinite(found["v_mean"].values[0]) and np.isnan(found["v_mean"].values[1])
+    assert found["v"].dims == ("stiffness", "member")
+
+
+def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
+    scene, state = cj.mechanisms.slider_crank(0.1e-3)
+    axes = {"clearance": cj.Axis(lambda s: s.joints["slider pin"].clearance, [5e-5, 1e-4])}
+    outputs = {"force": cj.Peak(cj.quantities.ContactForce("slider pin"), "N")}
+
+    def forces(**options):
+        return cj.ensemble(
+            scene, state, 0.004, axes, outputs, progress=False, **{"members": 4, **options}
+        )["force"].values
+
+    path = tmp_path / "runs.zarr"
+    first = forces(threads=1, path=path)
+    np.testing.assert_array_equal(first, forces(threads=2))
+    np.testing.assert_array_equal(first, forces(members=6, path=path)[:, :4])
+    assert (first != forces(seed=1)).any()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"members": 1}, "`members` must be 2 or more, but is 1"),
+        ({"disturbance": 0.0}, "`disturbance` must be positive"),
+        ({"quantiles": (1.5,)}, "`quantiles` must be levels between 0 and 1"),
+        ({"exponents": 1}, "`exponents` must be 0, or a whole number from 2"),
+        ({"axes": {"member": cj.Axis(lambda s: s.gravity[0], [0.0])}}, "not named"),
+        ({"axes": {"g": 1.0}}, "must be an Axis"),
+    ],
+)
+def test_bad_arguments_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        cj.ensemble(*ball(), 0.1, **options)
+
+
+def test_a_scene_that_cannot_move_is_refused():
+    scene, state = ball()
+    fixed = cj.FixedJoint("ground", "ball", (0.1, 0, 0), (0, 0, 0))
+    scene = cj.Scene(scene.bodies, {"fixed": fixed})
+    with pytest.raises(ValueError, match="`scene` must be one that can move"):
+        cj.ensemble(scene, state, 0.1)
