@@ -15,10 +15,11 @@ def modes(
 ) -> Int[np.ndarray, " n"]:
     """Return for each point the number of its mode, (n,), from 0 for that with the most points.
 
-    Points that are among each other's nearest are neighbours. From the lowest chi squared upwards,
-    each point joins the groups of its neighbours, which become one if chi squared rises by less
-    than 3.84 between the higher minimum and this point (F. Chazal et al., *Persistence-based
-    clustering in Riemannian manifolds*, 2013).
+    Each point has as neighbours the ten nearest points, or four for each parameter if that is more.
+    From the lowest chi squared upwards, each point joins the groups of its neighbours, which become
+    one if chi squared rises by less than 3.84 between the higher minimum and this point (F. Chazal
+    et al., *Persistence-based clustering in Riemannian manifolds*, 2013). A minimum with fewer
+    points than neighbours is not seen.
     """
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
@@ -26,7 +27,7 @@ def modes(
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
     neighbour = np.zeros((number, number), bool)
     np.put_along_axis(neighbour, near, True, axis=1)
-    neighbour &= neighbour.T
+    neighbour |= neighbour.T
     group = np.full(number, -1)  # Index of the lowest point of each point's group.
     for point in np.argsort(values, kind="stable"):
         around = {int(one) for one in group[neighbour[point]] if one >= 0}

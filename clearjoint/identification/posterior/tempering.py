@@ -279,7 +279,9 @@ class Mixture:
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
-        shares = weights[close] / weights[close].sum(axis=1, keepdims=True)
+        # Points of weight zero, such as failed runs, are no centres, but may be all that is near.
+        shares = weights[close] + 1e-12 / count
+        shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
         covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
         return Mixture(points, np.linalg.cholesky(covariances), weights)
