@@ -99,14 +99,14 @@ def backlash() -> Case:
         "gearbox": cj.Backlash("motor", "link", play=truth["play"], radius=0.01, law=law),
     }
     scene = cj.Scene(bodies, joints)
-    spinning = cj.body_state(spin=(0.0, 0.0, 2.0))
-    state = cj.State({"motor": spinning, "link": cj.body_state()})
+    spinning = cj.body_state(origin, spin=(0.0, 0.0, 2.0))
+    state = cj.State({"motor": spinning, "link": cj.body_state(origin)})
     parameters = {
         "play": cj.Parameter(lambda s: s.joints["gearbox"].play, cj.Log()),
         "restitution": cj.Parameter(
             lambda s: s.joints["gearbox"].law.restitution, cj.Bounded(0, 1)
         ),
-        "stiffness": cj.Parameter(lambda s: s.joints["gearbox"].law.stiffness, cj.Log()),
+        "stiffness": cj.Parameter(lambda s: s.joints["gearbox"].law.stiffness.stiffness, cj.Log()),
     }
     channels: dict = {
         "motor": (cj.quantities.JointAngle("shaft"), 2e-4),
