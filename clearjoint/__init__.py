@@ -103,6 +103,7 @@ from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
 from .identification.limits.largest import largest_feasible as largest_feasible
 from .identification.minimise import minimise as minimise
+from .identification.posterior.posterior import posterior as posterior
 from .identification.screening.screening import Screening as Screening
 from .identification.starts import Starts as Starts
 from .information.analysis import identifiability as identifiability

@@ -6,6 +6,7 @@ from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
 from .identification.limits.largest import LargestFeasible as LargestFeasible
 from .identification.minimise import Minimum as Minimum
+from .identification.posterior.result import Posterior as Posterior
 from .identification.screening.screening import Screened as Screened
 from .information.analysis import Identifiability as Identifiability
 from .information.horizon import FitHorizon as FitHorizon

@@ -33,6 +33,7 @@ FLOORS = (
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy", "typing_extensions"}
 THIRD_PARTY = {
+    "arviz": {"identification"},
     "llvmlite": {"native"},
     "diffrax": {"command_line", "simulation"},
     "tqdm": {"simulation", "sweeps", "identification"},

@@ -1,0 +1,1 @@
+"""Posterior distributions of parameters by sequential Monte Carlo."""

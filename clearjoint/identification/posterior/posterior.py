@@ -1,0 +1,193 @@
+"""Posterior distribution of parameters, with likelihoods of runs as lanes."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from ...fields.checks import require
+from ...measurements.series import Measurements
+from ...model.bodies import State
+from ...model.scene import Scene
+from ...parametrisation.parameter import Parameter, check_parameters
+from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ...simulation.step import presets
+from ...simulation.step.settings import Settings, settings_or
+from ..residuals import UNREACHED, check_start, experiment, samples
+from ..screening.misfit_curves import SideBySide
+from ..starts import Guess, half_widths, start_coordinates
+from .modes import modes
+from .result import Posterior
+from .tempering import Target, draw
+
+FEWEST = 32
+LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
+"""Function of values by name, (n,) each, that returns the logarithm of a density, (n,)."""
+
+
+def posterior(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+    guess: Guess | None = None,
+    spread: float | Mapping[str, float] = 1.0,
+    log_prior: LogPrior | None = None,
+    number: int = 500,
+    seed: int = 0,
+    progress: bool = True,
+) -> Posterior:
+    """Return the posterior distribution of parameters, by sequential Monte Carlo.
+
+    Unlike the covariance of a fit, it is right where chi squared is rough or has several minima,
+    and it needs no start near the truth. Points fill a box around the guess. Then the record grows,
+    and the points are weighted, resampled and moved at each step. Noise is normal, of the standard
+    deviations stated in the measurements.
+
+    **Arguments:**
+
+    - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
+    - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
+    - `guess`: values at the centre of the box, by name; by default those in the scene.
+    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
+      a factor of e in both directions): one number, or a number for each parameter by name.
+    - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
+      function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
+    - `number`: number of points, at least 32. A step takes two to ten runs for each of them, and
+      about ten to thirty steps are needed.
+    - `seed`: seed of the random numbers. Equal seeds give equal bits, for any number of threads.
+    - `progress`: whether to show a line.
+
+    **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
+    standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
+
+    **Raises:** `ValueError` for unsupported arguments, and if all runs fail.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
+    >>> found = cj.posterior(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     spread=0.3,
+    ...     number=64,
+    ...     progress=False,
+    ... )
+    >>> found.coordinates.shape, abs(found.means["stiffness"] - 100.0) < 1.0
+    ((64, 1), True)
+    """
+    begun = time.perf_counter()
+    half = _checked(scene, measurements, parameters, spread, number, seed)
+    times = measurements.times()
+    check_start(start_time, times)
+    outputs = {name: series.channel for name, series in measurements.series.items()}
+    settings = settings_or(settings, presets.identification)
+    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
+    centre = start_coordinates(scene, state, parameters, guess, None)[0]
+    lanes = _Lanes(SideBySide(runs, samples(measurements, len(runs.times))))
+    low, high = centre - half, centre + half
+    prior = _prior(parameters, log_prior)
+    target = Target(lanes.curves, lanes.side_by_side.count, low, high, prior)
+    bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
+
+        def on_step(count: float) -> None:
+            bar.set_postfix_str(f"to {lanes.side_by_side.time(count):.4g} s, {lanes.runs} runs")
+            bar.update()
+
+        try:
+            drawn = draw(target, number, np.random.default_rng(seed), on_step)
+        except FloatingPointError as error:
+            raise ValueError(
+                f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
+                "the prior of the others is zero). Centre `guess` on values with which the scene "
+                "runs, or change `spread` or `log_prior`."
+            ) from error
+    noise = np.concatenate([np.asarray(series.noise) for series in measurements.series.values()])
+    constant = -float(np.log(noise * math.sqrt(2.0 * math.pi)).sum())
+    return Posterior(
+        dict(parameters),
+        {name: one.variation.unit_in(scene, state) for name, one in parameters.items()},
+        drawn.points,
+        constant - 0.5 * drawn.chi_squared,
+        modes(drawn.points, drawn.chi_squared),
+        constant + drawn.log_evidence,
+        drawn.error,
+        (low, high),
+        lanes.runs,
+        lanes.failed,
+        drawn.steps,
+        drawn.acceptance,
+        seed,
+        time.perf_counter() - begun,
+    )
+
+
+@dataclass
+class _Lanes:
+    """Chi squared by lanes, with the number of runs so far and of those that failed."""
+
+    side_by_side: SideBySide
+    runs: int = field(default=0)
+    failed: int = field(default=0)
+
+    def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
+        """Return chi squared over the first 0 to `count` times, (n, count + 1), infinite from the
+        first sample that a run misses."""
+        curves = self.side_by_side.chi_squared(points, count)
+        missed = np.maximum.accumulate(np.diff(curves, axis=1, prepend=0.0) >= UNREACHED**2, axis=1)
+        self.runs += len(points)
+        self.failed += int(missed[:, -1].sum())
+        return np.where(missed, np.inf, curves)
+
+
+def _prior(
+    parameters: Mapping[str, Parameter], log_prior: LogPrior | None
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function of points (n, p) that returns the logarithms of their prior, (n,)."""
+
+    def logarithms(points: np.ndarray) -> np.ndarray:
+        if log_prior is None:
+            return np.zeros(len(points))
+        pairs = zip(parameters.items(), points.T, strict=True)
+        values = {name: np.asarray(p.scale.value(row), float) for (name, p), row in pairs}
+        found = np.asarray(log_prior(values), float)
+        expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
+        require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
+        fine = not np.isnan(found).any() and not (found == np.inf).any()
+        remedy = "return -inf for impossible values"
+        require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
+        return found
+
+    return logarithms
+
+
+def _checked(
+    scene: Scene,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    spread: float | Mapping[str, float],
+    number: int,
+    seed: int,
+) -> Float[np.ndarray, " p"]:
+    """Check arguments, and return half the width of the box (p,)."""
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    fine, kind = isinstance(measurements, Measurements), type(measurements).__name__
+    require(fine, "measurements", kind, "Measurements", remedy)
+    measurements.check(scene)
+    check_parameters(parameters)
+    half = half_widths(spread, tuple(parameters))
+    remedy = "pass the possible error of each guess"
+    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
+    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
+    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
+    require(fine, "number", number, expected, "500 points serve up to about five parameters")
+    fine = isinstance(seed, int) and seed >= 0
+    require(fine, "seed", seed, "a whole number from 0", "pass 0")
+    return half

@@ -1,0 +1,194 @@
+"""Result of a posterior: points with their modes, intervals, evidence and report."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...export.labelled import Labelled, labelled_dataset, texts
+from ...export.tabular import AbstractTabular
+from ...parametrisation.parameter import Parameter
+from ..report import estimates_table
+
+if TYPE_CHECKING:
+    import arviz
+    import xarray as xr
+
+EDGE, MANY = 0.01, 0.02
+"""Distance from an end of the box, relative to its width, within which a point is at this end; and
+share of the points at an end from which on the report mentions them."""
+
+
+@dataclass(frozen=True)
+class Posterior(AbstractTabular):
+    """Points that are distributed as the posterior of p parameters.
+
+    - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
+    - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
+    - `log_likelihood`: (n,) of the points, with the constants of the normal distribution.
+    - `modes`: (n,) number of the separate minimum to which each point belongs, from 0 for that
+      with the most points.
+    - `log_evidence`: logarithm of the marginal likelihood; `log_evidence_error`: its standard
+      error.
+    - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
+    - `runs`: number of runs; `failed`: number of those that failed, whose likelihood counts as
+      zero.
+    - `steps`: number of steps in which the record grew; `acceptance`: share of accepted moves in
+      the last of them.
+    - `seed`: of the random numbers; `seconds`: time taken, s.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
+    >>> found = cj.posterior(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     spread=0.3,
+    ...     number=64,
+    ...     progress=False,
+    ... )
+    >>> low, high = found.intervals["stiffness"]
+    >>> low < 100.0 < high, found.failed, found.weights.size
+    (True, 0, 1)
+    """
+
+    parameters: dict[str, Parameter]
+    units: dict[str, str]
+    coordinates: Float[np.ndarray, "n p"]
+    log_likelihood: Float[np.ndarray, " n"]
+    modes: Int[np.ndarray, " n"]
+    log_evidence: float
+    log_evidence_error: float
+    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+    runs: int
+    failed: int
+    steps: int
+    acceptance: float
+    seed: int
+    seconds: float
+
+    @cached_property
+    def samples(self) -> dict[str, Float[np.ndarray, " n"]]:
+        """Values of each parameter by name, (n,), in `units`."""
+        pairs = zip(self.parameters.items(), self.coordinates.T, strict=True)
+        return {name: np.asarray(p.scale.value(row), float) for (name, p), row in pairs}
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Mean of each parameter by name, in `units`."""
+        return {name: float(row.mean()) for name, row in self.samples.items()}
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Standard deviation of each parameter by name, in `units`."""
+        return {name: float(row.std()) for name, row in self.samples.items()}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Central 95 % interval (low, high) of each parameter by name, in `units`."""
+        ends = {n: np.quantile(row, (0.025, 0.975)) for n, row in self.samples.items()}
+        return {name: (float(low), float(high)) for name, (low, high) in ends.items()}
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "p p"]:
+        """Correlation of the coordinates, (p, p)."""
+        return np.atleast_2d(np.corrcoef(self.coordinates.T))
+
+    @property
+    def weights(self) -> Float[np.ndarray, " modes"]:
+        """Probability of each separate minimum, (modes,), the largest first."""
+        return np.bincount(self.modes) / len(self.modes)
+
+    @property
+    def effective_sample_size(self) -> float:
+        """Number of points n, squared, over the sum of the squared numbers of equal points."""
+        _, copies = np.unique(self.coordinates, axis=0, return_counts=True)
+        return float(len(self.coordinates) ** 2 / (copies**2).sum())
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences on problems; an empty list if there are none."""
+        found = []
+        low, high = self.box
+        near = EDGE * (high - low)
+        for k, name in enumerate(self.parameters):
+            row = self.coordinates[:, k]
+            share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
+            if share > MANY:
+                found.append(
+                    f"{share:.0%} of the points are at an end of the box of {name}: increase its "
+                    "spread, or the data don't determine it."
+                )
+        if self.acceptance < 0.05:
+            found.append(
+                f"Only {self.acceptance:.1%} of the last moves were accepted: increase `number`."
+            )
+        return found
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
+
+        See `AbstractTabular`.
+        """
+        names, along = [*self.parameters], ("parameter",)
+        variables = {
+            "mean": Labelled(along, [self.means[name] for name in names]),
+            "standard_deviation": Labelled(along, [self.standard_deviations[n] for n in names]),
+            "interval": Labelled((*along, "bound"), [self.intervals[name] for name in names]),
+        }
+        labels = {
+            "parameter": Labelled(along, texts(names)),
+            "unit": Labelled(along, texts([self.units[name] for name in names])),
+            "bound": Labelled(("bound",), texts(["low", "high"])),
+        }
+        return labelled_dataset("posterior", variables, labels, tuple(self._notes().items()))
+
+    def to_arviz(self) -> "arviz.InferenceData":
+        """Return an `arviz.InferenceData` with one chain (extra `arviz`).
+
+        The group `posterior` has the values of the parameters, `log_likelihood` that of the whole
+        record, `sample_stats` the number of each point's `mode`. Evidence, numbers of runs and the
+        seed are attributes of the group `posterior`.
+        """
+        import arviz
+
+        found = arviz.from_dict(
+            posterior={name: row[None] for name, row in self.samples.items()},
+            log_likelihood={"record": self.log_likelihood[None]},
+            sample_stats={"mode": self.modes[None]},
+            posterior_attrs={**self._notes(), "weights": self.weights.tolist()},
+        )
+        for name, unit in self.units.items():
+            found["posterior"][name].attrs["units"] = unit
+        return found
+
+    def _notes(self) -> Mapping[str, float | int]:
+        return {
+            "log_evidence": self.log_evidence,
+            "log_evidence_error": self.log_evidence_error,
+            "effective_sample_size": self.effective_sample_size,
+            "runs": self.runs,
+            "failed": self.failed,
+            "seed": self.seed,
+        }
+
+    def __str__(self) -> str:
+        """Return the report: intervals, weights of minima, evidence, runs and warnings."""
+        number = len(self.weights)
+        weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
+        parts = [
+            f"Posterior by {self.runs} runs, {self.failed} of which failed and count as impossible "
+            f"({self.seconds:.2g} s, seed {self.seed})",
+            estimates_table(self.means, self.standard_deviations, self.intervals, self.units)
+            .replace("estimate", "mean    ", 1)
+            .replace("standard error", "deviation     ", 1),
+            f"{number} separate {'minimum' if number == 1 else 'minima'}, weights {weights}\n"
+            f"logarithm of the evidence {self.log_evidence:.6g}, standard error "
+            f"{self.log_evidence_error:.2g}\n"
+            f"{self.effective_sample_size:.0f} effective of {len(self.coordinates)} points",
+            "\n".join(f"Warning: {warning}" for warning in self.warnings),
+        ]
+        return "\n\n".join(part for part in parts if part)

@@ -1,0 +1,306 @@
+"""Sequential Monte Carlo over a growing record.
+
+A cloud of points, coordinates of p parameters, is drawn from the prior. The samples of the record
+enter the likelihood one time after the other, each of them by fractions where it says much: the
+points are weighted, resampled and moved, so that they are distributed as the posterior of the
+record so far (N. Chopin, *A sequential particle filter method for static models*, 2002; adaptive
+steps as by A. Jasra et al., *Inference for Lévy-driven stochastic volatility models via adaptive
+sequential Monte Carlo*, 2011). Over few impacts chi squared is smooth, so that the cloud finds the
+region of the truth before the later impacts make chi squared rough. The usual path, powers of the
+likelihood of the whole record, would have to find it in the rough chi squared.
+
+This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
+no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
+likelihood and know the path of powers alone. Hence this implementation.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+KEPT = 0.5
+"""Effective part of the cloud after each step along the record, which fixes the step's length."""
+AHEAD = 1.5
+"""Factor on the length of the record up to which points are run, beyond that in the likelihood."""
+ACCEPTED = 2.0
+"""Mean number of accepted moves of a point after which a step ends."""
+SWEEPS = 10
+"""Largest number of moves of each point in a step."""
+HALVINGS = 50
+LEAST = 1e-9
+"""Smallest step along the record, as a fraction of a sample."""
+RIDGE = 1e-10
+"""Smallest variance of a kernel, relative to that of the cloud."""
+
+Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
+"""Function of points (n, p) and a number of times that returns chi squared of the samples up to
+each of these times, (n, times + 1), from 0; infinite from the first sample that a run misses."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Posterior to draw from.
+
+    - `curves`: chi squared over the record; `count`: number of its times.
+    - `low`, `high`: (p,) bounds of the box outside which the prior is zero.
+    - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
+      density of the coordinates, (n,), up to a constant.
+    """
+
+    curves: Curves
+    count: int
+    low: Float[np.ndarray, " p"]
+    high: Float[np.ndarray, " p"]
+    log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points with what is known of them.
+
+    - `points`: (n, p) coordinates.
+    - `curves`: (n, T + 1) chi squared over the first 0 to T times.
+    - `log_priors`: (n,)
+    """
+
+    points: Float[np.ndarray, "n p"]
+    curves: Float[np.ndarray, "n T"]
+    log_priors: Float[np.ndarray, " n"]
+
+    def taken(self, indices: np.ndarray) -> "Cloud":
+        """Return the points of given indices."""
+        return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
+
+    def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
+        """Return these points, with those of `others` where the mask (n,) is true."""
+        wide = mask[:, None]
+        return Cloud(
+            np.where(wide, others.points, self.points),
+            np.where(wide, others.curves, self.curves),
+            np.where(mask, others.log_priors, self.log_priors),
+        )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Points that are distributed as the posterior.
+
+    - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
+    - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior.
+    - `error`: its standard error.
+    - `steps`: number of steps along the record.
+    - `acceptance`: share of accepted moves in the last step.
+    """
+
+    points: Float[np.ndarray, "n p"]
+    chi_squared: Float[np.ndarray, " n"]
+    log_evidence: float
+    error: float
+    steps: int
+    acceptance: float
+
+
+def draw(
+    target: Target,
+    number: int,
+    generator: np.random.Generator,
+    on_step: Callable[[float], None] = lambda count: None,
+) -> Drawn:
+    """Draw points from the posterior.
+
+    **Arguments:** `number`: of points; `on_step`: receives the number of times in the likelihood
+    after each step.
+    """
+    from scipy.stats import qmc
+
+    box = qmc.LatinHypercube(len(target.low), rng=generator)
+    points = target.low + (target.high - target.low) * box.random(number)
+    ahead, reached, log_evidence, variance, steps = 1, 0.0, 0.0, 0.0, 0
+    cloud = evaluated(target, points, ahead)
+    prior = np.exp(cloud.log_priors - cloud.log_priors.max())
+    cloud = cloud.taken(resampled(prior / prior.sum(), generator))
+    while True:
+        following = next_count(cloud.curves, reached)
+        if following >= ahead and ahead < target.count:
+            ahead = min(int(AHEAD * ahead) + 1, target.count)
+            cloud = evaluated(target, cloud.points, ahead)
+            continue
+        increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
+        weights, log_mean = normalised(increments)
+        log_evidence += log_mean
+        variance += (weights**2).sum() - 1.0 / number
+        reached, steps = following, steps + 1
+        ahead = min(int(AHEAD * reached) + 2, ahead)
+        cloud = Cloud(cloud.points, cloud.curves[:, : ahead + 1], cloud.log_priors)
+        cloud, acceptance = mutated(target, cloud, weights, reached, generator)
+        on_step(reached)
+        if reached >= target.count:
+            chi_squared = cloud.curves[:, -1]
+            error = math.sqrt(variance)
+            return Drawn(cloud.points, chi_squared, log_evidence, error, steps, acceptance)
+
+
+def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
+    """Return points (n, p) in the box with chi squared over the first `ahead` times."""
+    return Cloud(points, target.curves(points, ahead), target.log_prior(points))
+
+
+def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
+    """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
+
+    **Arguments:** `curves`: (n, T + 1) over the first 0 to T times.
+    """
+    full = min(int(count), curves.shape[1] - 1)
+    part = count - full
+    if part == 0.0:
+        return curves[:, full]
+    with np.errstate(invalid="ignore"):  # Infinity less infinity, after a run has failed.
+        rise = part * (curves[:, full + 1] - curves[:, full])
+    return np.where(np.isinf(curves[:, full + 1]), np.inf, curves[:, full] + rise)
+
+
+def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
+    """Return up to how many times the likelihood may grow in a step from `reached` times.
+
+    The effective number of points then falls to `KEPT` of all.
+    """
+    before, last = level(curves, reached), curves.shape[1] - 1
+
+    def enough(count: float) -> bool:
+        with np.errstate(invalid="ignore"):
+            weights, _ = normalised(0.5 * (before - level(curves, count)))
+        return 1.0 / (weights**2).sum() >= KEPT * len(curves)
+
+    if enough(float(last)):
+        return float(last)
+    low, high = reached, float(last)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if enough(middle) else (low, middle)
+    return max(low, min(reached + LEAST, float(last)))
+
+
+def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
+    """Return weights whose logarithms are given up to a constant, with sum 1, and the logarithm of
+    their mean before.
+
+    **Raises:** `FloatingPointError` if all are zero.
+    """
+    finite = np.where(np.isnan(logarithms), -np.inf, logarithms)
+    largest = finite.max()
+    if not np.isfinite(largest):
+        raise FloatingPointError("no point has a likelihood")
+    weights = np.exp(finite - largest)
+    return weights / weights.sum(), float(largest + np.log(weights.mean()))
+
+
+def resampled(weights: Float[np.ndarray, " n"], generator: np.random.Generator) -> np.ndarray:
+    """Return indices (n,) of points drawn with given weights by systematic resampling."""
+    count = len(weights)
+    ticks = (np.arange(count) + generator.uniform()) / count
+    return np.minimum(np.searchsorted(np.cumsum(weights), ticks), count - 1)
+
+
+def mutated(
+    target: Target,
+    cloud: Cloud,
+    weights: Float[np.ndarray, " n"],
+    reached: float,
+    generator: np.random.Generator,
+) -> tuple[Cloud, float]:
+    """Return a weighted cloud resampled and moved, and the share of accepted moves.
+
+    Moves alternate between draws from a mixture of normal distributions around the weighted points
+    and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version
+    of the genetic algorithm Differential Evolution*, 2006). Both follow a cloud that is curved or
+    in several parts.
+    """
+    mixture = Mixture.around(cloud.points, weights)
+    moved = cloud.taken(resampled(weights, generator))
+    accepted = tried = 0
+    number = len(weights)
+    for sweep in range(SWEEPS):
+        if sweep % 2 == 0:
+            points = mixture.drawn(number, generator)
+            ratios = mixture.log_density(moved.points) - mixture.log_density(points)
+        else:
+            points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
+        inside = ((points >= target.low) & (points <= target.high)).all(axis=1)
+        others = moved
+        if inside.any():
+            new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
+            places = np.where(inside, np.cumsum(inside) - 1, 0)
+            others = new.taken(places)
+        before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
+        ratios = ratios + before - after + others.log_priors - moved.log_priors
+        accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
+        moved = moved.where(accepts, others)
+        accepted, tried = accepted + int(accepts.sum()), tried + number
+        if accepted >= ACCEPTED * number:
+            break
+    return moved, accepted / tried
+
+
+def differences(
+    points: Float[np.ndarray, "n p"],
+    weights: Float[np.ndarray, " n"],
+    generator: np.random.Generator,
+) -> Float[np.ndarray, "n p"]:
+    """Return differences (n, p) of random pairs of weighted points, times the usual step length."""
+    count, p = points.shape
+    pairs = generator.choice(count, (2, count), p=weights)
+    return 2.38 / math.sqrt(2.0 * p) * (points[pairs[0]] - points[pairs[1]])
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Mixture of n normal distributions.
+
+    - `centres`: (n, p); `roots`: (n, p, p) lower Cholesky factors of the covariances.
+    - `weights`: (n,)
+    """
+
+    centres: Float[np.ndarray, "n p"]
+    roots: Float[np.ndarray, "n p p"]
+    weights: Float[np.ndarray, " n"]
+
+    @staticmethod
+    def around(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> "Mixture":
+        """Return normal distributions around points (n, p), each with the covariance of the points
+        near it."""
+        count, p = points.shape
+        near = min(max(4 * (p + 1), round(2.0 * math.sqrt(count))), count)
+        mean = weights @ points
+        whole = (weights[:, None] * (points - mean)).T @ (points - mean)
+        whole += RIDGE * np.diag(np.maximum(np.diag(whole), 1e-300))
+        scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
+        order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
+        close = order[:, :near]
+        # Points of weight zero, such as failed runs, are no centres, but may be all that is near.
+        shares = weights[close] + 1e-12 / count
+        shares = shares / shares.sum(axis=1, keepdims=True)
+        offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
+        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
+        return Mixture(points, np.linalg.cholesky(covariances), weights)
+
+    def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
+        """Draw points (number, p)."""
+        chosen = generator.choice(len(self.weights), number, p=self.weights)
+        normal = generator.standard_normal((number, self.centres.shape[1]))
+        return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
+
+    def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
+        """Return the logarithm of the density at points (m, p), up to a constant."""
+        inverse = np.linalg.inv(self.roots)
+        offsets = points[:, None] - self.centres
+        squares = (np.einsum("nij,mnj->mni", inverse, offsets) ** 2).sum(axis=2)
+        with np.errstate(divide="ignore"):
+            heights = np.log(self.weights) - np.log(
+                np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
+            ).sum(axis=1)
+        exponents = heights - 0.5 * squares
+        largest = exponents.max(axis=1, keepdims=True)
+        return (largest + np.log(np.exp(exponents - largest).sum(axis=1, keepdims=True)))[:, 0]

@@ -1,0 +1,199 @@
+"""Posteriors against closed forms: free flights, whose position is linear in the velocity, linear
+problems of several parameters, and two minima of known weights."""
+
+import math
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.identification.posterior.modes import modes
+from clearjoint.identification.posterior.tempering import Target, draw, level, next_count, resampled
+
+TIMES, SPEED, NOISE, WIDTH = np.linspace(0.1, 1.0, 10), 0.7, 0.05, 2.0
+SCENE = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, 0.0))
+STATE = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0), velocity=(SPEED, 0.0, 0.0))})
+CHANNEL = cj.quantities.Position("ball", "x")
+VELOCITY = {"speed": cj.Parameter.initial(lambda s: s.bodies["ball"].velocity[0])}
+
+
+def squared(scene, state, value):
+    """The flight whose speed is the square of a value."""
+    velocity = jnp.asarray(state.bodies["ball"].velocity).at[0].set(value**2)
+    return scene, eqx.tree_at(lambda s: s.bodies["ball"].velocity, state, velocity)
+
+
+SQUARE = {"root": cj.Parameter.change(squared, 0.1, cj.Linear())}
+
+
+def flights(seed=3):
+    series = cj.Series(CHANNEL, TIMES, SPEED * TIMES, NOISE)
+    return cj.Measurements({"x": series.with_noise(np.random.default_rng(seed))})
+
+
+def found(parameters=VELOCITY, data=None, **options):
+    data = flights() if data is None else data
+    options = {"number": 256, "spread": WIDTH, "progress": False} | options
+    return cj.posterior(SCENE, STATE, data, parameters, **options)
+
+
+def test_a_free_flight_has_the_posterior_and_the_evidence_of_the_closed_form():
+    data = flights()
+    values = np.asarray(data["x"].values)
+    deviation = NOISE / np.linalg.norm(TIMES)
+    mean = float(values @ TIMES / (TIMES @ TIMES))
+    misfit = np.sum((values - mean * TIMES) ** 2) / NOISE**2
+    constant = -len(TIMES) * math.log(NOISE * math.sqrt(2 * math.pi))
+    evidence = constant - 0.5 * misfit + math.log(math.sqrt(2 * math.pi) * deviation / (2 * WIDTH))
+    result = found()
+    assert result.means["speed"] == pytest.approx(mean, abs=4 * deviation / math.sqrt(100))
+    assert result.standard_deviations["speed"] == pytest.approx(deviation, rel=0.15)
+    assert abs(result.log_evidence - evidence) < 4 * result.log_evidence_error < 1.0
+    best = constant - 0.5 * misfit
+    assert result.log_likelihood.max() == pytest.approx(best, abs=0.01)
+    assert result.failed == 0 and result.warnings == [] and result.weights.tolist() == [1.0]
+    low, high = result.intervals["speed"]
+    assert low == pytest.approx(mean - 1.96 * deviation, abs=0.5 * deviation)
+    assert high == pytest.approx(mean + 1.96 * deviation, abs=0.5 * deviation)
+
+
+def test_two_minima_have_the_weights_of_the_prior():
+    equal = found(SQUARE)
+    assert len(equal.weights) == 2 and equal.weights[1] == pytest.approx(0.5, abs=0.12)
+    assert {round(float(equal.coordinates[equal.modes == k].mean()), 1) for k in (0, 1)} == {
+        -0.8,
+        0.8,
+    }
+    tilted = found(SQUARE, log_prior=lambda values: np.where(values["root"] > 0, np.log(3.0), 0.0))
+    assert tilted.weights[0] == pytest.approx(0.75, abs=0.12)
+    assert tilted.samples["root"][tilted.modes == 0].min() > 0.0
+    assert "2 separate minima" in str(tilted)
+
+
+def test_a_prior_of_zero_is_never_left_and_samples_at_an_end_of_the_box_are_reported():
+    half = found(SQUARE, log_prior=lambda v: np.where(v["root"] > 0, 0.0, -np.inf))
+    assert half.weights.tolist() == [1.0] and half.samples["root"].min() > 0.0
+    narrow = found(guess={"speed": 0.0}, spread=0.68)
+    assert "at an end of the box of speed" in narrow.warnings[0] and "Warning" in str(narrow)
+
+
+def test_runs_that_fail_are_impossible_and_counted():
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    stiffness = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+    data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, 0.1 * np.cos(10 * TIMES), 0.2)})
+    options = {"number": 64, "spread": 3.0, "progress": False}
+    free = cj.posterior(scene, state, data, stiffness, **options)
+    few = replace(cj.presets.identification, max_steps=60)
+    cut = cj.posterior(scene, state, data, stiffness, few, **options)
+    assert free.failed == 0 and 0 < cut.failed < cut.runs
+    assert f"{cut.failed} of which failed" in str(cut)
+    assert np.isfinite(cut.log_likelihood).all()
+    assert cut.samples["k"].max() < free.samples["k"].max()
+    none = replace(cj.presets.identification, max_steps=1)
+    with pytest.raises(ValueError, match="All 64 points are impossible.*runs failed.*`guess`"):
+        cj.posterior(scene, state, data, stiffness, none, **options)
+
+
+def test_equal_seeds_give_equal_bits_for_any_number_of_threads():
+    results = []
+    for threads, seed in ((1, 5), (2, 5), (2, 6)):
+        cj.configure(threads=threads)
+        results.append(found(number=64, seed=seed))
+    cj.configure()
+    first, second, other = (one.coordinates for one in results)
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+    assert results[0].log_evidence == results[1].log_evidence
+
+
+def test_the_result_is_exported():
+    result = found(number=64)
+    table = result.to_dataframe()
+    assert table.index.tolist() == ["speed"]
+    az = pytest.importorskip("arviz")
+    data = result.to_arviz()
+    assert data["posterior"]["speed"].shape == (1, 64)
+    assert data["posterior"].attrs["log_evidence"] == result.log_evidence
+    assert data["posterior"].attrs["seed"] == 0 and data["sample_stats"]["mode"].shape == (1, 64)
+    assert data["log_likelihood"]["record"].shape == (1, 64)
+    assert az.summary(data).loc["speed", "mean"] == pytest.approx(result.means["speed"], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"spread": 0.0}, "spread.*positive for each parameter.*possible error"),
+        ({"spread": {"mass": 1.0}}, "spread.*mass.*name parameters: speed"),
+        ({"number": 3}, "number.*a whole number from 32.*is 3"),
+        ({"seed": -1}, "seed.*-1.*pass 0"),
+        ({"guess": {"height": 1.0}}, "guess.*height.*name parameters: speed"),
+        ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(256,\), but is \(\)"),
+        ({"log_prior": lambda v: np.nan * v["speed"]}, "log_prior.*return -inf"),
+        ({"start_time": 0.5}, "start_time.*0.5.*start earlier"),
+        ({"parameters": {"speed": 3.0}}, "parameters.*a Parameter.*float"),
+        ({"data": 3.0}, "measurements.*float.*pass cj.Measurements"),
+    ],
+)
+def test_bad_input_is_named(options, message):
+    with pytest.raises(ValueError, match="(?s)" + message):
+        found(**options)
+
+
+def linear(parameters, count=40, noise=0.1):
+    """Design and data over the noise, mean, covariance and log evidence of a linear problem."""
+    generator = np.random.default_rng(parameters)
+    design = generator.standard_normal((count, parameters)) / noise
+    values = design @ np.linspace(-0.3, 0.3, parameters) + generator.standard_normal(count)
+    covariance = np.linalg.inv(design.T @ design)
+    mean = covariance @ design.T @ values
+    misfit = np.sum((values - design @ mean) ** 2)
+    area = 0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1] - parameters * math.log(2 * WIDTH)
+    return design, values, mean, covariance, area - 0.5 * misfit
+
+
+@pytest.mark.parametrize("parameters", [1, 3])
+def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
+    design, values, mean, covariance, evidence = linear(parameters)
+
+    def curves(points, count):
+        squares = (points @ design.T - values)[:, :count] ** 2
+        return np.pad(np.cumsum(squares, axis=1), ((0, 0), (1, 0)))
+
+    ends = np.full(parameters, WIDTH)
+    target = Target(curves, len(values), -ends, ends, lambda points: np.zeros(len(points)))
+    draws = [draw(target, 200, np.random.default_rng(seed)) for seed in range(4)]
+    points = np.concatenate([one.points for one in draws])
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), (points - mean).T)
+    np.testing.assert_allclose(whitened.mean(axis=1), 0.0, atol=0.2)
+    np.testing.assert_allclose(np.cov(whitened), np.eye(parameters), atol=0.25)
+    errors = [(one.log_evidence - evidence) / one.error for one in draws]
+    assert np.abs(errors).max() < 4.0 and all(0.01 < one.error < 0.6 for one in draws)
+    assert set(modes(draws[0].points, draws[0].chi_squared)) == {0}
+
+
+def test_steps_along_the_record():
+    curves = np.array([[0.0, 1.0, 4.0], [0.0, 3.0, np.inf]])
+    assert level(curves, 0.5).tolist() == [0.5, 1.5]
+    assert level(curves, 1.0).tolist() == [1.0, 3.0]
+    assert level(curves, 1.5).tolist() == [2.5, np.inf]
+    assert next_count(np.zeros((4, 3)), 0.0) == 2.0
+    steep = np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0], [0.0, 300.0]])
+    assert 0.0 < next_count(steep, 0.0) < 0.1
+    weights = np.array([0.5, 0.25, 0.25, 0.0])
+    assert resampled(weights, np.random.default_rng(0)).tolist() == [0, 0, 1, 2]
+
+
+def test_modes_are_separate_minima_and_small_groups_join_the_nearest():
+    generator = np.random.default_rng(1)
+    for p in (1, 2, 4):
+        cloud = generator.standard_normal((400, p))
+        assert set(modes(cloud, (cloud**2).sum(axis=1))) == {0}
+        centres = np.where(np.arange(400) < 100, 12.0, 0.0)
+        shifted = cloud + centres[:, None]
+        numbers = modes(shifted, (cloud**2).sum(axis=1))
+        assert (numbers == np.where(centres > 0.0, 1, 0)).all()
+    assert modes(np.repeat([[0.0], [9.0]], [64, 36], axis=0), np.zeros(100)).max() <= 1
