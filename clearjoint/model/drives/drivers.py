@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import optional_quantity, quantity
-from ...fields.types import Quadruple, Single, Triple
+from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
 from ...math.functions import wrapped
 from ...math.rotations import unit
 from ...math.smoothing import ramp
@@ -37,6 +37,7 @@ from ..joints.constraint_rows import (
 )
 from .functions_of_time import (
     AbstractFunctionOfTime,
+    FunctionOfTime,
     SingleInTime,
     as_function_of_time,
     breakpoints_of,
@@ -166,7 +167,24 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         idle_speed: float  # rad/s
         orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
-        def torque_at(self, angle, speed, t):
+        def __init__(
+        self,
+        first: str,
+        second: str,
+        axis: TripleLike,
+        target: FunctionOfTime,
+        proportional: Scalar,
+        derivative: Scalar,
+        torque_limit: Scalar | None = None,
+        orientation: QuadrupleLike = PARALLEL,
+    ):
+        self.first, self.second = first, second
+        self.axis, self.orientation = axis, orientation
+        self.target = as_function_of_time(target)
+        self.proportional, self.derivative = proportional, derivative
+        self.torque_limit = torque_limit
+
+    def torque_at(self, angle, speed, t):
             return self.stall_torque * (1.0 - speed / self.idle_speed)
 
     motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
@@ -271,6 +289,18 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        axis: TripleLike,
+        function: FunctionOfTime,
+        orientation: QuadrupleLike = PARALLEL,
+    ):
+        self.first, self.second = first, second
+        self.axis, self.orientation = axis, orientation
+        self.function = as_function_of_time(function)
+
     def __check_init__(self):
         require_continuous(self.function)
 
@@ -309,6 +339,19 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
     axis: Triple = quantity("1", check=require_axis)
     function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        point_first: TripleLike,
+        point_second: TripleLike,
+        axis: TripleLike,
+        function: FunctionOfTime,
+    ):
+        self.first, self.second = first, second
+        self.point_first, self.point_second = point_first, point_second
+        self.axis, self.function = axis, as_function_of_time(function)
 
     def __check_init__(self):
         require_continuous(self.function)

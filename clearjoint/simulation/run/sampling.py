@@ -177,7 +177,7 @@ def _sample(
     time: Scalar,
     is_new: Condition,
     kept: Kept,
-) -> tuple[dict[str, Scalar], dict[str, jax.Array], State | None]:
+) -> tuple[dict[str, Scalar], dict[str, Gradients], State | None]:
     """Return quantities, their derivatives and the state at a time in the latest accepted step.
 
     **Arguments:**
@@ -211,7 +211,7 @@ def _quantities(
     outputs: Mapping[str, Quantity],
     tried: Attempt,
     time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, jax.Array]]:
+) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
     """Return quantities at a time in an accepted step, s, and their derivatives (p,), by name.
 
     Derivatives are with respect to the coordinates of the p parameters.
