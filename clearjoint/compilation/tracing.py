@@ -55,7 +55,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
-        program = partial_eval.lower_jaxpr2(program)
+        program = partial_eval.lower_jaxpr2(program)  # pyright: ignore[reportAttributeAccessIssue]
     return program, shapes
 
 
