@@ -178,7 +178,8 @@ def slid_out(
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
     """Return whether any journal has slid out of its bearing.
 
-    Scene and states of the bodies, by name, are in scalar form.
+    **Arguments:** the scene, and the states of its bodies by name, both in scalar form, which
+    `unpack` makes of arrays. Joints whose journal cannot slide axially don't count.
     """
     motions = {GROUND: GROUND_MOTION}
     for name, body in bodies.items():

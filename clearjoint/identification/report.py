@@ -61,7 +61,14 @@ def series_table(
     whiteness: Mapping[str, float],
     normality: Mapping[str, float],
 ) -> str:
-    """Return a table of the series: number of samples, and tests of the residuals, all by name."""
+    """Return a table with a row for each measured series.
+
+    **Arguments**, all by name of the series:
+
+    - `residuals`: (N,) for N samples, without unit; only their number is shown.
+    - `rms`: root mean square of the residuals, in multiples of the noise.
+    - `whiteness`, `normality`: p-values of the tests that the residuals are white and normal.
+    """
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     for name, row in residuals.items():
         cells = [f"{rms[name]:.3f}", f"{whiteness[name]:.2g}", f"{normality[name]:.2g}"]

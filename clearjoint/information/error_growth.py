@@ -102,7 +102,10 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return the mean radius of gyration of each body by name, m."""
+    """Return the root mean square distance of each body's mass from its centre of mass, by name, m.
+
+    It follows from the trace of the inertia, which is twice the integral of the squared distance.
+    """
     radii = {}
     for name, body in scene.bodies.items():
         inertia = np.asarray(body.inertia)

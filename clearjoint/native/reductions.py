@@ -1,6 +1,7 @@
-"""Lower the primitives that combine elements: sums, extremes and products.
+"""Lower the JAX primitives that combine elements to operations on scalars: sums, products and
+extremes (over axes or cumulative), positions of extremes, and `dot_general`.
 
-Rules have the form that `.structure` describes.
+Each rule takes the lowering, the equation and its arguments, and returns the equation's results.
 """
 
 import math

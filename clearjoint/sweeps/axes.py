@@ -239,9 +239,14 @@ def _columns_by_setters(
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """Return the columns if every axis sets numbers at paths, without a loop over lanes.
+    """Return the columns, without a loop over lanes. Every axis must set numbers at paths.
 
-    `base` has the leaves of (scene, state); `changes` has the setter of each axis by name.
+    **Arguments:**
+
+    - `scene`: the scene that the axes change.
+    - `base`: leaves of (scene, state).
+    - `changes`: by name of the axis, its `NumberSetter`.
+    - `values`: by name of the axis, its values in every lane, (lanes,).
     """
     columns: Columns = [None] * len(base)
     scene_leaves = len(jax.tree.leaves(scene))

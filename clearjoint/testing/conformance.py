@@ -146,9 +146,12 @@ def _check_jumps(force: Callable[..., Points], law: AbstractContactLaw) -> None:
 
 
 def _warn_of_edge(law: AbstractContactLaw, sizes: Points, rate: Points) -> None:
-    """Check that the law declares jumps of the force at the onset and at separation, and warn.
+    """Warn of the largest jump of the force at the onset or at separation, if there is a jump.
 
-    **Arguments:** `sizes`: (N,) N, of the jumps; `rate`: (N,) m/s, their penetration rates.
+    **Arguments:** `law`: the law, which must declare such jumps by `force_jumps`; `sizes`: (N,) N,
+    of the jumps, zero for none; `rate`: (N,) m/s, their penetration rates.
+
+    **Raises:** `AssertionError` for a jump that the law does not declare.
     """
     k = int(jnp.argmax(jnp.abs(sizes)))
     if sizes[k] == 0.0:

@@ -64,7 +64,14 @@ class LineOfCentres:
     def between(
         first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
     ) -> "LineOfCentres":
-        """Return the line between two centres, m, about an axis, in the bodies' axes."""
+        """Return the line between the centres of two gears, from the motions of their bodies.
+
+        **Arguments:**
+
+        - `first`, `second`: motions of the bodies.
+        - `centre_first`, `centre_second`: centre of each gear, m in its own body's axes.
+        - `axis`: of the first gear, in the first body's axes, any length.
+        """
         axis = first.direction(unit(axis))
         apart = second.point(centre_second) - first.point(centre_first)
         height = apart.dot(axis)

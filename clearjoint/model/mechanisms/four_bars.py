@@ -113,7 +113,13 @@ def _rod(mass: float, length: float) -> Body:
 
 
 def _ends(pin: str, lengths: tuple[float, ...]) -> tuple[TripleLike, TripleLike]:
-    """Return the position of a pin on each of its two bodies, (3,) m in body axes."""
+    """Return the positions of a pin on its two bodies, in the order of `PINS`.
+
+    Each is (3,) m in the body's axes, from its centre of mass or from the origin of the ground.
+
+    **Arguments:** `pin`: a key of `PINS`; `lengths`: of crank, coupler and rocker, and the distance
+    of the ground joints, m, as in `LENGTHS`.
+    """
     crank, coupler, rocker, feet = lengths
     on_first, on_second = {
         "crank foot": (0.0, -0.5 * crank),

@@ -271,6 +271,8 @@ def observe_compiled(
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
+        """Return the observation at one time t, s; its arrays have no axis of times."""
+        # Keeps the deflections of the state; contacts without one get zero.
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
         dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)

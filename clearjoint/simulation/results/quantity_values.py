@@ -83,7 +83,11 @@ def rates_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the time derivatives of a quantity, (N,), at times, (N,) s, and N packed states."""
+    """Return the time derivatives of a quantity, (N,), at times, (N,) s, and N states.
+
+    The derivatives are those of `rates_along`. Vectors and Euler parameters of the states are
+    arrays, (N, 3) and (N, 4).
+    """
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:

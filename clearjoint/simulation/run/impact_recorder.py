@@ -137,9 +137,10 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     - `joint`: name of the joint, or ``None`` for all joints.
     - `window`: span of time; only contacts with an onset in the window are recorded. ``None``
       records all.
-    - `capacity`: number of rows of each contact's buffer.
-    - `wanted`: largest number of rows in the buffer of each contact, by its label such as "pin V";
-      further impacts are not recorded. By default all impacts are.
+    - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
+      rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
+    - `wanted`: number of impacts, by the contact's label such as "pin V", after which no more are
+      recorded or counted until the buffer is emptied; ``None`` for no such limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -205,7 +206,10 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the largest number of impacts of any contact, including impacts without room."""
+    """Return the number of finished impacts of the contact that has most of them.
+
+    Impacts for which its buffer had no room count too, so that the result is the room needed.
+    """
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 

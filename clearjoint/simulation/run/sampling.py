@@ -98,7 +98,8 @@ def followed(
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
-    """Integrate the state and its derivatives, and evaluate quantities at given times.
+    """Integrate the state and its derivatives, and evaluate quantities and their derivatives with
+    respect to the parameters' coordinates at given times.
 
     The function can be traced by JAX.
 
@@ -122,6 +123,7 @@ def followed(
     recorders: dict[str, Recorders] = {LATEST: LatestAttempt(), SECTIONS: kept.sections}
     if kept.impacts is not None:
         recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
+    # JAX would otherwise trace an attempt again wherever `loop` calls it.
     tried = traced_once(attempt)
     loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
 
@@ -135,13 +137,15 @@ def followed(
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
-    # Repeated times take the numbers of the first time among them, the only one evaluated.
+    # At repeated times quantities were computed at the first only: copy its numbers. States were
+    # computed at every time.
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
         reached=reached,
+        # At the end `t_end` itself, from which t0 + (t_end - t0) may differ by rounding.
         time=jnp.where(step.t < own_end, t0 + step.t, t_end),
         result=final_result(step, own_end),
         attempts=step.attempts,

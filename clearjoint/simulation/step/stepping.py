@@ -212,6 +212,7 @@ def attempt(
             y=choose(keep, arrival.y, step.y),
             entry_speeds=choose(keep, arrival.entry_speeds, step.entry_speeds),
             contact_gaps=choose(keep, arrival.contact_gaps, step.contact_gaps),
+            # Selected in `_accepted_state` already.
             second_rates=arrival.second_rates,
             solver_state=choose(keep, trial.outcome.solver_state, step.solver_state),
             proposal=decision.proposal,

@@ -18,14 +18,16 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The systems of a scene that depends on p parameters, without groups of elements.
+    """The equations of motion of a scene (`System`) as a function of p parameters.
+
+    Alike elements of the scene are not combined to groups.
 
     **Arguments:**
 
     - `family`: the scene and its initial state as functions of the parameters.
     - `formulation`: formulation of the equations of motion.
-    - `origin`: the scene's time at which the time of a run is zero, s; ``None`` for the scene's
-      time.
+    - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
+      the scene's time.
     """
 
     family: ParametrisedScene
