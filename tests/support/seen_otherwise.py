@@ -63,7 +63,9 @@ def turned(scene: cj.Scene, maps: Maps, moved: np.ndarray) -> cj.Scene:
         for name, body in scene.bodies.items()
     }
     gravity = maps["ground"] @ np.asarray(scene.gravity)
-    return scene_with(scene, lambda e: turned_element(e, maps, moved), bodies=bodies, gravity=gravity)
+    return scene_with(
+        scene, lambda e: turned_element(e, maps, moved), bodies=bodies, gravity=gravity
+    )
 
 
 def inertia_matrix(body: cj.Body) -> np.ndarray:
@@ -172,16 +174,17 @@ def shortest(axis_first: Any, axis_second: Any) -> np.ndarray:
     a, b = (np.asarray(v) / np.linalg.norm(v) for v in (axis_first, axis_second))
     b = b if a @ b >= 0.0 else -b
     cross, halves = np.cross(b, a), 1.0 + a @ b
-    skew = np.cross(np.eye(3), -cross)
+    skew = np.cross(np.eye(3), cross)
     return np.eye(3) + skew + skew @ skew / halves
 
 
 def new_zero(before: Any, after: Any, first: np.ndarray, second: np.ndarray) -> float:
     """The angle that a joint's angle of zero has become, rad."""
     old = first @ shortest(before.axis_first, before.axis_second) @ second.T
-    turn = old @ shortest(after.axis_first, after.axis_second).T
+    start = transverse(after.axis_first)
+    mark = old @ shortest(after.axis_first, after.axis_second).T @ start
     axis = np.asarray(after.axis_first) / np.linalg.norm(after.axis_first)
-    return float(Rotation.from_matrix(turn).as_rotvec() @ axis)
+    return float(np.arctan2(axis @ np.cross(start, mark), start @ mark))
 
 
 def new_start(before: Any, after: Any, own: np.ndarray) -> float:
