@@ -1,5 +1,5 @@
-"""Scenes with every member of a family: ideal joints with forces and drives, clearance joints, laws,
-line contact, frictions and films. Each joint has a body of its own, and all move at once. Scenes
+"""Scenes with every member of a family: ideal joints, forces and drives, clearance joints, links,
+films; and all laws and frictions. Each joint has a body of its own, and all move at once. Scenes
 that are `lossless` conserve energy.
 """
 
