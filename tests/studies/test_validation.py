@@ -5,6 +5,7 @@ import math
 import pytest
 
 from studies.validation.__main__ import main, table
+from studies.validation.siconos import four_bar_checks
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,19 @@ def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form(chec
     slopes = [check for check in checks if check.source.startswith("nimble")]
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
     assert [check for check in slopes if not check.difference < 1e-7] == []
+
+
+def test_the_linkage_of_siconos_moves_as_published(checks):
+    torque, *angles = [check for check in checks if check.source.startswith("Siconos")]
+    assert torque.difference < 1e-9
+    assert len(angles) == 8
+    assert [check for check in angles if not abs(check.ours - check.published) < 6e-5] == []
+
+
+def test_its_error_is_proportional_to_the_step():
+    linkage = four_bar_checks(quick=True)
+    ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
+    assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
 
 
 def test_each_value_has_a_row(checks):
