@@ -14,6 +14,7 @@ from studies.common.output import Output, add_options
 from studies.common.report import markdown
 from studies.validation.check import Check
 from studies.validation.collision import collision
+from studies.validation.identification import bristle_friction, joint_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
 from studies.validation.siconos import Comparison, four_bar_checks
 
@@ -77,7 +78,7 @@ def main(arguments: list[str] | None = None) -> list[Check]:
         examples = [backlash(), elasto_gap()]
         checks = [*examples[0].checks, *examples[1].checks, *collision()]
     linkage = four_bar_checks(options.quick)
-    checks += linkage.checks
+    checks += [*linkage.checks, *joint_friction(), *bristle_friction()]
     print(markdown(table(checks)))
     print()
     print(markdown(convergence_table(linkage)))

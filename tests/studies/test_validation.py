@@ -4,7 +4,9 @@ import math
 
 import pytest
 
+import clearjoint as cj
 from studies.validation.__main__ import main, table
+from studies.validation.identification import LINK_GUESS, driven_link, fitted
 from studies.validation.siconos import four_bar_checks
 
 
@@ -43,6 +45,24 @@ def test_its_error_is_proportional_to_the_step():
     linkage = four_bar_checks(quick=True)
     ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
+
+
+def test_friction_and_inertia_are_identified_from_starts_near_zero(checks):
+    found = {check.name: check for check in checks if check.source.startswith("mujoco#3284")}
+    assert list(found) == ["mass", "inertia", "friction", "damping"]
+    assert [check for check in found.values() if not check.difference < 2e-5] == []
+
+
+def test_a_fit_of_the_whole_record_at_once_stalls_and_says_so():
+    with pytest.warns(cj.PoorFitWarning):
+        fit = fitted(driven_link(), LINK_GUESS)
+    assert fit.ending.name != "CONVERGED"
+
+
+def test_lugre_friction_is_identified(checks):
+    found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
+    assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
+    assert found["stiffness"].difference < 0.02
 
 
 def test_each_value_has_a_row(checks):
