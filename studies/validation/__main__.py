@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 import clearjoint as cj
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
+from studies.validation.chain import double_pendulum
 from studies.validation.check import Check
 from studies.validation.collision import collision
 from studies.validation.identification import bristle_friction, joint_friction
@@ -20,7 +21,7 @@ from studies.validation.siconos import Comparison, four_bar_checks
 
 
 def table(checks: list[Check]) -> list[list[str]]:
-    """Return the table of published values as text."""
+    """Return the table of reference values as text."""
     rows = [
         [
             check.source,
@@ -31,7 +32,7 @@ def table(checks: list[Check]) -> list[list[str]]:
         ]
         for check in checks
     ]
-    return [["source", "quantity", "published", "clearjoint", "relative difference"], *rows]
+    return [["source", "quantity", "reference", "clearjoint", "relative difference"], *rows]
 
 
 def convergence_table(linkage: Comparison) -> list[list[str]]:
@@ -78,7 +79,7 @@ def main(arguments: list[str] | None = None) -> list[Check]:
         examples = [backlash(), elasto_gap()]
         checks = [*examples[0].checks, *examples[1].checks, *collision()]
     linkage = four_bar_checks(options.quick)
-    checks += [*linkage.checks, *joint_friction(), *bristle_friction()]
+    checks += [*linkage.checks, *joint_friction(), *bristle_friction(), *double_pendulum()]
     print(markdown(table(checks)))
     print()
     print(markdown(convergence_table(linkage)))

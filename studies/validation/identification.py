@@ -74,7 +74,9 @@ def driven_link() -> Record:
         {"hinge": cj.RevoluteJoint("ground", "link", ORIGIN, (0.0, 0.2, 0.0), Z, Z)},
         {
             "drive": cj.DriveTorque("ground", "link", Z, drive),
-            "friction": FrictionLoss("ground", "link", LINK["friction"], LINK["damping"]),
+            "friction": FrictionLoss(
+                "ground", "link", loss=LINK["friction"], damping=LINK["damping"]
+            ),
         },
         gravity=(0.0, -9.81, 0.0),
     )

@@ -6,6 +6,7 @@ import pytest
 
 import clearjoint as cj
 from studies.validation.__main__ import main, table
+from studies.validation.chain import double_pendulum, has_mujoco
 from studies.validation.identification import LINK_GUESS, driven_link, fitted
 from studies.validation.siconos import four_bar_checks
 
@@ -63,6 +64,18 @@ def test_lugre_friction_is_identified(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
     assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
     assert found["stiffness"].difference < 0.02
+
+
+def test_a_double_pendulum_moves_as_in_mujoco(checks):
+    found = [check for check in checks if check.source.startswith("MuJoCo,")]
+    assert len(found) == (2 if has_mujoco() else 0)
+    assert [check for check in found if not check.difference < 1e-7] == []
+
+
+def test_without_mujoco_its_row_is_left_out(monkeypatch, capsys):
+    monkeypatch.setattr("studies.validation.chain.has_mujoco", lambda: False)
+    assert double_pendulum() == []
+    assert "not installed" in capsys.readouterr().out
 
 
 def test_each_value_has_a_row(checks):
