@@ -12,13 +12,16 @@ from matplotlib.figure import Figure
 import clearjoint as cj
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
+from studies.validation.chain import double_pendulum
 from studies.validation.check import Check
 from studies.validation.collision import collision
+from studies.validation.identification import bristle_friction, joint_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
+from studies.validation.siconos import Comparison, four_bar_checks
 
 
 def table(checks: list[Check]) -> list[list[str]]:
-    """Return the table of published values as text."""
+    """Return the table of reference values as text."""
     rows = [
         [
             check.source,
@@ -29,13 +32,24 @@ def table(checks: list[Check]) -> list[list[str]]:
         ]
         for check in checks
     ]
-    return [["source", "quantity", "published", "clearjoint", "relative difference"], *rows]
+    return [["source", "quantity", "reference", "clearjoint", "relative difference"], *rows]
 
 
-def figure(examples: list[Example]) -> Figure:
-    """Draw the motions, with the published times."""
-    drawn, panels = plt.subplots(1, len(examples), figsize=(9.0, 3.4), layout="tight")
-    for example, panel, label in zip(examples, panels, ("angle, rad", "position, m"), strict=True):
+def convergence_table(linkage: Comparison) -> list[list[str]]:
+    """Return the table of differences for each length of step as text."""
+    rows = [
+        [f"{step:.3g}", f"{difference:.1e}"]
+        for step, difference in zip(linkage.steps, linkage.differences, strict=True)
+    ]
+    head = ["step, s", "largest difference of an angle, rad"]
+    return [head, *rows, ["extrapolated to 0", f"{linkage.extrapolated:.1e}"]]
+
+
+def figure(examples: list[Example], linkage: Comparison) -> Figure:
+    """Draw the motions with the published times, and the linkage's differences against steps."""
+    drawn, panels = plt.subplots(1, 3, figsize=(12.0, 3.4), layout="tight")
+    labels = ("angle, rad", "position, m")
+    for example, panel, label in zip(examples, panels[:2], labels, strict=True):
         motion = example.motion["position"]
         panel.plot(motion["time"], motion, color="0.2")
         times = [check.published for check in example.checks if check.unit == "s"]
@@ -43,13 +57,20 @@ def figure(examples: list[Example]) -> Figure:
         panel.set(title=example.name, xlabel="time, s", ylabel=label)
         panel.grid(alpha=0.3)
         panel.legend()
+    last = panels[2]
+    last.loglog(linkage.steps, linkage.differences, "o-", color="0.2", label="steps of this length")
+    last.axhline(linkage.extrapolated, ls="--", label="extrapolated to step 0")
+    label = "largest difference of an angle, rad"
+    last.set(title="Siconos, four-bar linkage", xlabel="step, s", ylabel=label)
+    last.grid(alpha=0.3)
+    last.legend()
     return drawn
 
 
 def main(arguments: list[str] | None = None) -> list[Check]:
     """Run the examples, print the table, draw, and return the checks."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser, "the same: it takes seconds")
+    add_options(parser, "fewer steps in the linkage")
     options = parser.parse_args(arguments)
     cj.configure()
     with warnings.catch_warnings():
@@ -57,8 +78,12 @@ def main(arguments: list[str] | None = None) -> list[Check]:
         warnings.simplefilter("ignore", cj.UnusualValueWarning)
         examples = [backlash(), elasto_gap()]
         checks = [*examples[0].checks, *examples[1].checks, *collision()]
+    linkage = four_bar_checks(options.quick)
+    checks += [*linkage.checks, *joint_friction(), *bristle_friction(), *double_pendulum()]
     print(markdown(table(checks)))
-    Output.of(__file__, options).save(figure(examples), "validation")
+    print()
+    print(markdown(convergence_table(linkage)))
+    Output.of(__file__, options).save(figure(examples, linkage), "validation")
     return checks
 
 

@@ -4,7 +4,11 @@ import math
 
 import pytest
 
+import clearjoint as cj
 from studies.validation.__main__ import main, table
+from studies.validation.chain import double_pendulum, has_mujoco
+from studies.validation.identification import LINK_GUESS, driven_link, fitted
+from studies.validation.siconos import four_bar_checks
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +33,49 @@ def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form(chec
     slopes = [check for check in checks if check.source.startswith("nimble")]
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
     assert [check for check in slopes if not check.difference < 1e-7] == []
+
+
+def test_the_linkage_of_siconos_moves_as_published(checks):
+    torque, *angles = [check for check in checks if check.source.startswith("Siconos")]
+    assert torque.difference < 1e-9
+    assert len(angles) == 8
+    assert [check for check in angles if not abs(check.ours - check.published) < 6e-5] == []
+
+
+def test_its_error_is_proportional_to_the_step():
+    linkage = four_bar_checks(quick=True)
+    ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
+    assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
+
+
+def test_friction_and_inertia_are_identified_from_starts_near_zero(checks):
+    found = {check.name: check for check in checks if check.source.startswith("mujoco#3284")}
+    assert list(found) == ["mass", "inertia", "friction", "damping"]
+    assert [check for check in found.values() if not check.difference < 2e-5] == []
+
+
+def test_a_fit_of_the_whole_record_at_once_stalls_and_says_so():
+    with pytest.warns(cj.PoorFitWarning):
+        fit = fitted(driven_link(), LINK_GUESS)
+    assert fit.ending.name != "CONVERGED"
+
+
+def test_lugre_friction_is_identified(checks):
+    found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
+    assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
+    assert found["stiffness"].difference < 0.02
+
+
+def test_a_double_pendulum_moves_as_in_mujoco(checks):
+    found = [check for check in checks if check.source.startswith("MuJoCo,")]
+    assert len(found) == (2 if has_mujoco() else 0)
+    assert [check for check in found if not check.difference < 1e-7] == []
+
+
+def test_without_mujoco_its_row_is_left_out(monkeypatch, capsys):
+    monkeypatch.setattr("studies.validation.chain.has_mujoco", lambda: False)
+    assert double_pendulum() == []
+    assert "not installed" in capsys.readouterr().out
 
 
 def test_each_value_has_a_row(checks):
