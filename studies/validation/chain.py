@@ -1,6 +1,7 @@
-"""A double pendulum in space with ideal hinges, in MuJoCo and in clearjoint."""
+"""A double pendulum in space with ideal hinges, in MuJoCo, Exudyn and clearjoint."""
 
 import importlib.util
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ END = 2.0
 """s."""
 STEP = 1e-4
 """Step of MuJoCo's fourth-order Runge-Kutta method, s."""
+SHORTER = 2.5e-4
+"""The shorter of the two steps of Exudyn, s."""
 MODEL = f"""
 <mujoco>
   <compiler angle="radian"/>
@@ -32,24 +35,26 @@ SPIN = 1.0
 """Initial rate of the second hinge, rad/s."""
 
 
-def has_mujoco() -> bool:
-    """Return whether the optional package `mujoco` is installed."""
-    return importlib.util.find_spec("mujoco") is not None
+def has(package: str) -> bool:
+    """Return whether an optional package is installed."""
+    return importlib.util.find_spec(package) is not None
 
 
 def double_pendulum() -> list[Check]:
-    """Check the angles of both hinges at the end; no checks without MuJoCo.
+    """Check the angles of both hinges at the end with each program that is installed.
 
     The first hinge is horizontal, and the second along the upper arm, so that the motion is
     spatial.
     """
-    if not has_mujoco():
-        print("No row of MuJoCo, which is not installed: pip install -e '.[mujoco]'")
-        return []
-    names = ("angle of the first hinge at 2 s", "angle of the second hinge at 2 s")
+    programs = {"MuJoCo": _mujoco, "Exudyn": _exudyn}
+    there = {name: run for name, run in programs.items() if has(name.lower())}
+    for name in programs.keys() - there.keys():
+        print(f"No rows of {name}, which is not installed: pip install -e '.[{name.lower()}]'")
+    ours = _clearjoint() if there else []
     return [
-        Check("MuJoCo, double pendulum", name, "rad", float(theirs), float(ours))
-        for name, theirs, ours in zip(names, _mujoco(), _clearjoint(), strict=True)
+        Check(f"{name}, double pendulum", f"angle of the {hinge} hinge at 2 s", "rad", value, own)
+        for name, run in there.items()
+        for hinge, value, own in zip(("first", "second"), run().tolist(), ours, strict=True)
     ]
 
 
@@ -62,6 +67,54 @@ def _mujoco() -> np.ndarray:
     data.qvel[:] = (0.0, SPIN)
     mj_step(model, data, nstep=round(END / STEP))
     return np.remainder(data.qpos + np.pi, 2.0 * np.pi) - np.pi
+
+
+def _exudyn() -> np.ndarray:
+    """Return the final angles of Exudyn, (2,) rad, extrapolated from two steps of order two."""
+    coarse, fine = _exudyn_run(2.0 * SHORTER), _exudyn_run(SHORTER)
+    return (4.0 * fine - coarse) / 3.0
+
+
+def _exudyn_run(step: float) -> np.ndarray:
+    """Return the final angles of Exudyn's generalised alpha method with a step in s, (2,) rad."""
+    import exudyn as exu  # pyright: ignore
+    from exudyn import utilities
+
+    eu: Any = utilities
+    system: Any = exu.SystemContainer().AddSystem()
+    options = {"gravity": [0.0, 0.0, -9.81], "nodeType": exu.NodeType.RotationEulerParameters}
+    upper = system.CreateRigidBody(
+        inertia=eu.RigidBodyInertia(2.0, np.diag((0.01, 0.2, 0.2))),
+        referencePosition=[0.5, 0.0, 0.0],
+        **options,
+    )
+    lower = system.CreateRigidBody(
+        inertia=eu.RigidBodyInertia(1.0, np.diag((0.1, 0.01, 0.1))),
+        referencePosition=[1.0, 0.3, 0.0],
+        initialVelocity=[0.0, 0.0, 0.3 * SPIN],
+        initialAngularVelocity=[SPIN, 0.0, 0.0],
+        **options,
+    )
+    ground = system.CreateGround()
+    for pair, place, axis in (
+        ([ground, upper], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
+        ([upper, lower], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+    ):
+        system.CreateRevoluteJoint(itemNumbers=pair, position=place, axis=axis)
+    system.Assemble()
+    settings: Any = exu.SimulationSettings()
+    settings.timeIntegration.numberOfSteps = round(END / step)
+    settings.timeIntegration.endTime = END
+    settings.timeIntegration.newton.relativeTolerance = 1e-10
+    settings.timeIntegration.verboseMode = 0
+    settings.solution.file.write = False
+    system.SolveDynamic(settings)
+    turned, second = (
+        np.reshape(system.GetObjectOutputBody(body, exu.OutputVariableType.RotationMatrix), (3, 3))
+        for body in (upper, lower)
+    )
+    relative = turned.T @ second
+    return np.arctan2((-turned[2, 0], relative[2, 1]), (turned[0, 0], relative[1, 1]))
 
 
 def _clearjoint() -> list[float]:

@@ -6,7 +6,7 @@ import pytest
 
 import clearjoint as cj
 from studies.validation.__main__ import main, table
-from studies.validation.chain import double_pendulum, has_mujoco
+from studies.validation.chain import double_pendulum, has
 from studies.validation.identification import LINK_GUESS, driven_link, fitted
 from studies.validation.siconos import four_bar_checks
 
@@ -66,16 +66,17 @@ def test_lugre_friction_is_identified(checks):
     assert found["stiffness"].difference < 0.02
 
 
-def test_a_double_pendulum_moves_as_in_mujoco(checks):
-    found = [check for check in checks if check.source.startswith("MuJoCo,")]
-    assert len(found) == (2 if has_mujoco() else 0)
-    assert [check for check in found if not check.difference < 1e-7] == []
+@pytest.mark.parametrize(("name", "tolerance"), [("MuJoCo", 1e-9), ("Exudyn", 1e-7)])
+def test_a_double_pendulum_moves_as_in_other_programs(checks, name, tolerance):
+    found = [check for check in checks if check.source.startswith(f"{name},")]
+    assert len(found) == (2 if has(name.lower()) else 0)
+    assert [check for check in found if not check.difference < tolerance] == []
 
 
-def test_without_mujoco_its_row_is_left_out(monkeypatch, capsys):
-    monkeypatch.setattr("studies.validation.chain.has_mujoco", lambda: False)
+def test_without_other_programs_their_rows_are_left_out(monkeypatch, capsys):
+    monkeypatch.setattr("studies.validation.chain.has", lambda package: False)
     assert double_pendulum() == []
-    assert "not installed" in capsys.readouterr().out
+    assert capsys.readouterr().out.count("not installed") == 2
 
 
 def test_each_value_has_a_row(checks):
