@@ -1,5 +1,5 @@
-"""Every joint, law, friction, film, force and drive, looked at otherwise: as in
-`test_symmetries.py`, whose mechanism has one of each only. All of a family is in one scene."""
+"""Films, links, and every law and friction, looked at otherwise: as in `test_symmetries.py`, whose
+mechanism has one law and one friction."""
 
 from functools import cache
 
@@ -17,10 +17,7 @@ from tests.support.hinged import Outcome
 
 CLOSE = 1e-6
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
-QUICK = ("links", "films")
-every = pytest.mark.parametrize(
-    "family", [pytest.param(f, marks=() if f in QUICK else pytest.mark.slow) for f in FAMILIES]
-)
+every = pytest.mark.parametrize("family", FAMILIES)
 
 
 def simulated(scene: cj.Scene, state: cj.State, end: float, metre: float = 1.0) -> cj.State:
