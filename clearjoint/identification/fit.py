@@ -22,6 +22,7 @@ from . import goodness_of_fit as statistics
 from . import likelihood
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
+from .posterior.result import Posterior
 from .report import (
     FAR,
     correlation_table,
@@ -160,18 +161,32 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        An interval also contains other minima in which searches ended, if their chi squared is low
-        enough. If `check` has explored chi squared, the interval contains all explored points with
-        a chi squared at most 3.84 above the lowest.
+        If `check` has found that chi squared is not quadratic, these are the central intervals of
+        `posterior`, which need not contain the estimates. Without a posterior, they contain all
+        points that `check` has explored with a chi squared at most 3.84 above the lowest. Other
+        minima in which searches ended, outside the posterior's box, are added if their chi squared
+        is low enough.
         """
-        minima = self.best.best, *self._other_minima
-        lows, highs = likelihood.intervals(minima, self.chi_squared)
-        ends = lows.min(axis=0), highs.max(axis=0)
-        if self.check is not None and self.check.exploration is not None:
-            explored = self.check.exploration.intervals()
-            ends = np.minimum(ends[0], explored[0]), np.maximum(ends[1], explored[1])
-        low, high = (values_at(self.parameters, end) for end in ends)
+        minima, posterior = [self.best.best, *self._other_minima], self.posterior
+        if posterior is not None:
+            low, high = posterior.box
+            minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
+        parts = [likelihood.intervals(minima, self.chi_squared)] if minima else []
+        if posterior is not None:
+            scales = [parameter.scale for parameter in self.parameters.values()]
+            pairs = zip(scales, posterior.intervals.values(), strict=True)
+            parts.append(np.array([[s.coordinate(v) for v in ends] for s, ends in pairs]).T)
+        elif self.check is not None and self.check.exploration is not None:
+            parts.append(self.check.exploration.intervals())
+        lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
+        low = values_at(self.parameters, lows.min(axis=0))
+        high = values_at(self.parameters, highs.max(axis=0))
         return {name: (low[name], high[name]) for name in self.parameters}
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """Posterior of few points from which `intervals` come, by `check`; otherwise ``None``."""
+        return None if self.check is None else self.check.posterior
 
     @property
     def rivals(self) -> list[dict[str, float]]:
