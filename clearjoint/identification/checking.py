@@ -35,10 +35,12 @@ NEAR, NEAREST = 0.03, 1e-3
 search in the lowest minimum ends."""
 FARTHEST = 100.0
 """Distance, in standard errors, up to which the neighbourhood is explored."""
-POINTS, MOST_RUNS = 100, 30_000
-"""Number of points of the posterior, and largest number of runs that it may take."""
-FEWEST_POINTS, LEAST_ACCEPTED = 25.0, 0.02
-"""Effective number of points, and share of accepted moves, below which a posterior is not used."""
+FEWEST_POINTS, POINTS, REFINEMENT, MOST_RUNS = 32, 0.25, 7, 75
+"""Least number of points that find the posterior. Relative to the number of points in the first
+round of the exploration: the number of these points, of runs of the importance sampling after that,
+and of all runs that the posterior may take."""
+EFFECTIVE = 50.0
+"""Effective number of points below which a posterior is not used."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,10 @@ class LikelihoodCheck:
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
     - `posterior`: a small `Posterior` around the lowest minimum, from which the fit's intervals
-      come. ``None`` if the test passed, if noise doesn't explain chi squared, or if too few points
-      are distinct after 30 000 runs.
-    - `runs`: number of runs, with and without derivatives; `seconds`: time of all runs, s.
+      come. ``None`` if the test passed, if noise doesn't explain chi squared, if more than 75 times
+      `check_runs` runs would be needed, or if the runs don't represent the posterior.
+    - `runs`: number of runs, with and without derivatives, but those of the posterior; `seconds`:
+      time of all runs, s.
     - `difference`: difference of chi squared at the estimates between runs with and without
       derivatives. A value above 1 means that integration errors exceed the noise.
 
@@ -169,7 +172,7 @@ def check(
         count += len(explored.points) + sum(search.evaluations for search in searches)
         if explored.lowest <= likely:
             box = lowest.coordinates - farthest, lowest.coordinates + farthest
-            posterior = _small_posterior(lanes, parameters, units, box)
+            posterior = _small_posterior(lanes, parameters, units, box, number)
     seconds = time.perf_counter() - started
     found = tuple(searches)
     return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
@@ -180,23 +183,26 @@ def _small_posterior(
     parameters: Mapping[str, Parameter],
     units: Mapping[str, str],
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    number: int,
 ) -> Posterior | None:
     """Return the posterior in a box by few points, or ``None`` if they don't represent it.
 
     **Arguments:** `box`: lower and upper ends (p,) of the coordinates, between which the prior is
-    uniform.
+    uniform; `number`: as in `check`.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
         return np.zeros(len(points))
 
+    points = max(FEWEST_POINTS, int(POINTS * number))
+    runs = REFINEMENT * number, MOST_RUNS * number
     try:
-        found = drawn_posterior(lanes, parameters, units, box, uniform, POINTS, 0, MOST_RUNS)
+        found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, *runs)
     except (ArithmeticError, ValueError):
         # Too many runs, no possible point or a singular cloud: the fit keeps its other intervals.
         return None
-    enough = found.effective_sample_size >= FEWEST_POINTS and found.acceptance >= LEAST_ACCEPTED
-    return found if enough else None
+    # Warnings say that the box cuts the posterior off, or that points hardly moved.
+    return found if found.effective_sample_size >= EFFECTIVE and not found.warnings else None
 
 
 def _quadratic_test(

@@ -331,39 +331,47 @@ class Fit(AbstractTabular):
         moved = float(explored.chi_squared[0]) - self.chi_squared
         single = check.minima == 1 and moved <= likelihood.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
-        if single and reliable and check.widening(self.best.best) < ALIKE:
-            parts = [
-                f"Chi squared is rough: {result}. The intervals agree with those from {source} "
-                f"({cost}). There may be lower minima farther away."
-            ]
+        alike = single and reliable and check.widening(self.best.best) < ALIKE
+        head = "Chi squared is rough" if alike else "Standard errors are not valid"
+        if check.posterior is not None:
+            intervals = (
+                f"The intervals are those of a posterior by {check.posterior.runs} more runs "
+                f"without derivatives, {check.posterior.seconds:.2g} s, around the lowest of "
+                f"{number} ({cost})."
+            )
         else:
-            parts = [
-                f"Standard errors are not valid: {result}. The intervals contain {source} ({cost})."
-            ]
+            intervals = f"The intervals {'agree with those from' if alike else 'contain'} {source}"
+            intervals += f" ({cost})."
+        parts = [f"{head}: {result}. {intervals}"]
+        if alike:
+            parts.append("There may be lower minima farther away.")
         if moved > likelihood.FLOOR:
             parts.append(
                 f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
             )
+        return " ".join([*parts, *self._check_limits(check, explored)])
+
+    def _check_limits(
+        self, check: LikelihoodCheck, explored: likelihood.Exploration
+    ) -> Iterator[str]:
+        """Yield sentences on what limits the intervals of an exploration."""
         until = check.horizon
         if self.horizon is not None:
             until = min(until, self.horizon.single_shot)
         if math.isfinite(until):
             past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
-            parts.append(
+            yield (
                 f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon "
                 "of a fit by a single run."
             )
-        if not explored.settled:
-            parts.append(
-                "The intervals were still growing: increase check_runs, or shorten the record."
-            )
+        if not explored.settled and check.posterior is None:
+            yield ("The intervals were still growing: increase check_runs, or shorten the record.")
         if abs(check.difference) > 1.0:
-            parts.append(
+            yield (
                 f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "
                 "shorten the record."
             )
-        return " ".join(parts)
 
     @property
     def doubts(self) -> list[str]:

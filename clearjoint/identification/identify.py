@@ -118,8 +118,9 @@ def identify(
       several minima close together or is not quadratic. Then `check_runs` runs without derivatives,
       more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
       the lowest minimum, and its report begins with this result. Intervals are those of a posterior
-      of 100 points around this minimum, by at most 30 000 runs without derivatives; if it fails,
-      they contain all points that the data allow. See `Fit.check` and `clearjoint.posterior`.
+      around this minimum, by at most 75 times `check_runs` runs without derivatives; if that is not
+      enough, they contain all points that the data allow. See `Fit.check` and
+      `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 

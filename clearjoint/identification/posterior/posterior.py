@@ -21,7 +21,7 @@ from ..screening.misfit_curves import SideBySide
 from ..starts import Guess, half_widths, start_coordinates
 from .modes import modes
 from .result import Posterior
-from .tempering import Target, draw
+from .tempering import Target, draw, refined
 
 FEWEST = 32
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
@@ -114,17 +114,19 @@ def drawn_posterior(
     log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
     number: int,
     seed: int,
+    refinement: int = 0,
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
     """Return the posterior distribution of parameters for runs as lanes.
 
     **Arguments:** `box`: lower and upper ends (p,) of the coordinates; `log_prior`: function of
-    points (n, p); `most_runs`: number of runs that is not exceeded; `on_step`: receives the time,
-    s, up to which the record is in the likelihood, and the number of runs so far. Others are as in
-    `posterior`.
+    points (n, p); `refinement`: number of runs of an importance sampling at the end, which draws
+    five times `number` points; 0 for none; `most_runs`: number of runs that is not exceeded;
+    `on_step`: receives the time, s, up to which the record is in the likelihood, and the number of
+    runs so far. Others are as in `posterior`.
 
-    **Raises:** `ValueError` if all points are impossible; `TooManyRuns`.
+    **Raises:** `ValueError` if all points are impossible; `TooManyRunsError`.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -134,7 +136,10 @@ def drawn_posterior(
         on_step(side_by_side.time(count), lanes.runs)
 
     try:
-        drawn = draw(target, number, np.random.default_rng(seed), after)
+        generator = np.random.default_rng(seed)
+        drawn = draw(target, number, generator, after)
+        if refinement:
+            drawn = refined(target, drawn, refinement, generator)
     except FloatingPointError as error:
         raise ValueError(
             f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
@@ -161,7 +166,7 @@ def drawn_posterior(
     )
 
 
-class TooManyRuns(ArithmeticError):
+class TooManyRunsError(ArithmeticError):
     """End of a posterior that would take more runs than allowed."""
 
 
@@ -178,10 +183,10 @@ class _Lanes:
         """Return chi squared over the first 0 to `count` times, (n, count + 1), infinite from the
         first sample that a run misses.
 
-        **Raises:** `TooManyRuns` before it exceeds `most_runs`.
+        **Raises:** `TooManyRunsError` before it exceeds `most_runs`.
         """
         if self.runs + len(points) > self.most_runs:
-            raise TooManyRuns(f"more than {self.most_runs:g} runs")
+            raise TooManyRunsError(f"more than {self.most_runs:g} runs")
         curves = self.side_by_side.chi_squared(points, count)
         missed = np.maximum.accumulate(np.diff(curves, axis=1, prepend=0.0) >= UNREACHED**2, axis=1)
         self.runs += len(points)
