@@ -150,10 +150,10 @@ def check(
             return searches[-1].best
 
         difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-        # Chi squared of an early part of the record is smoother and wider: its covariance draws
-        # points beyond the minimum that the whole record's covariance describes.
         farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
         likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+        # Chi squared of an early part of the record is smoother and wider: its covariance draws
+        # points beyond the minimum that the whole record's covariance describes.
         covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
         explored = likelihood.explore(
             chi_squared,
@@ -172,7 +172,7 @@ def check(
         count += len(explored.points) + sum(search.evaluations for search in searches)
         if explored.lowest <= likely:
             box = lowest.coordinates - farthest, lowest.coordinates + farthest
-            posterior = _small_posterior(lanes, parameters, units, box, number)
+            posterior = _small_posterior(lanes, parameters, units, box, number, explored.lowest)
     seconds = time.perf_counter() - started
     found = tuple(searches)
     return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
@@ -184,11 +184,12 @@ def _small_posterior(
     units: Mapping[str, str],
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     number: int,
+    lowest: float,
 ) -> Posterior | None:
     """Return the posterior in a box by few points, or ``None`` if they don't represent it.
 
     **Arguments:** `box`: lower and upper ends (p,) of the coordinates, between which the prior is
-    uniform; `number`: as in `check`.
+    uniform; `number`: as in `check`; `lowest`: smallest chi squared that is known.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
@@ -201,8 +202,12 @@ def _small_posterior(
     except (ArithmeticError, ValueError):
         # Too many runs, no possible point or a singular cloud: the fit keeps its other intervals.
         return None
-    # Warnings say that the box cuts the posterior off, or that points hardly moved.
-    return found if found.effective_sample_size >= EFFECTIVE and not found.warnings else None
+    # Warnings say that the box cuts the posterior off, or that points hardly moved. A cloud that
+    # does not come near the lowest minimum has missed it.
+    nearest = found.coordinates[found.log_likelihood.argmax()]
+    rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
+    enough = found.effective_sample_size >= EFFECTIVE and rise <= likelihood.RISE
+    return found if enough and not found.warnings else None
 
 
 def _quadratic_test(

@@ -183,6 +183,17 @@ def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(roug
     assert again.intervals == fit.intervals and again.posterior.runs == fit.posterior.runs
 
 
+def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(checking, "drawn_posterior", interrupt)
+    with pytest.raises(cj.FitInterrupted) as stopped:
+        cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+    (fit,) = stopped.value.fits
+    assert fit.check is None and fit.posterior is None and fit.chi_squared < 220.0
+
+
 def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
     monkeypatch.setattr(checking, "drawn_posterior", None)  # An additional run would fail.
     fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
