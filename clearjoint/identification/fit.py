@@ -175,7 +175,8 @@ class Fit(AbstractTabular):
         if posterior is not None:
             scales = [parameter.scale for parameter in self.parameters.values()]
             pairs = zip(scales, posterior.intervals.values(), strict=True)
-            parts.append(np.array([[s.coordinate(v) for v in ends] for s, ends in pairs]).T)
+            ends = np.array([[scale.coordinate(end) for end in two] for scale, two in pairs])
+            parts.append((ends[:, 0], ends[:, 1]))
         elif self.check is not None and self.check.exploration is not None:
             parts.append(self.check.exploration.intervals())
         lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
