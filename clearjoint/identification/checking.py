@@ -4,7 +4,8 @@ After many impacts chi squared may be rough on the scale of the standard errors:
 converges in one of several minima close together, and the covariance describes only that minimum.
 Therefore about twenty runs for each parameter compare chi squared with the prediction of the
 covariance. If they differ, many runs without derivatives, and local searches from the points with
-the lowest chi squared, explore the neighbourhood (`clearjoint.identification.likelihood`).
+the lowest chi squared, explore the neighbourhood (`clearjoint.identification.likelihood`). Then a
+small posterior around the lowest minimum gives the intervals.
 """
 
 import math
@@ -20,6 +21,8 @@ from ..parametrisation.parameter import Parameter, step_limits
 from . import goodness_of_fit as statistics
 from . import likelihood
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .posterior.posterior import drawn_posterior
+from .posterior.result import Posterior
 from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
 from .screening.misfit_curves import SideBySide
 
@@ -32,6 +35,12 @@ NEAR, NEAREST = 0.03, 1e-3
 search in the lowest minimum ends."""
 FARTHEST = 100.0
 """Distance, in standard errors, up to which the neighbourhood is explored."""
+FEWEST_POINTS, POINTS, REFINEMENT, MOST_RUNS = 32, 0.25, 7, 75
+"""Least number of points that find the posterior. Relative to the number of points in the first
+round of the exploration: the number of these points, of runs of the importance sampling after that,
+and of all runs that the posterior may take."""
+EFFECTIVE = 50.0
+"""Effective number of points below which a posterior is not used."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +54,11 @@ class LikelihoodCheck:
       actual, and the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
-    - `runs`: number of runs, with and without derivatives; `seconds`: time of all runs, s.
+    - `posterior`: a small `Posterior` around the lowest minimum, from which the fit's intervals
+      come. ``None`` if the test passed, if noise doesn't explain chi squared, if more than 75 times
+      `check_runs` runs would be needed, or if the runs don't represent the posterior.
+    - `runs`: number of runs, with and without derivatives, but those of the posterior; `seconds`:
+      time of all runs, s.
     - `difference`: difference of chi squared at the estimates between runs with and without
       derivatives. A value above 1 means that integration errors exceed the noise.
 
@@ -63,6 +76,7 @@ class LikelihoodCheck:
     runs: int
     seconds: float
     difference: float
+    posterior: Posterior | None = None
 
     @property
     def passed(self) -> bool:
@@ -109,11 +123,12 @@ def check(
     runs: Experiment,
     data: Samples,
     parameters: Mapping[str, Parameter],
+    units: Mapping[str, str],
     number: int,
     on_iteration: Callable[[Iteration], None],
 ) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its best run, and explore chi squared if it
-    fails.
+    """Test the covariance of a fit by runs around its best run; if it fails, explore chi squared
+    and compute a small posterior.
 
     **Arguments:** `number`: number of points in the first round of an exploration; `on_iteration`:
     function that is called with every iteration of the local searches.
@@ -122,7 +137,7 @@ def check(
     generator = np.random.default_rng(0)
     limits = _largest_offsets(best, parameters)
     test = _quadratic_test(best, runs, data, limits, generator)
-    explored, searches, difference = None, [], 0.0
+    explored, posterior, searches, difference = None, None, [], 0.0
     count = len(test.actual)
     if not test.passed:
         lanes = SideBySide(runs, data)
@@ -135,6 +150,8 @@ def check(
             return searches[-1].best
 
         difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+        likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
         # Chi squared of an early part of the record is smoother and wider: its covariance draws
         # points beyond the minimum that the whole record's covariance describes.
         covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
@@ -143,18 +160,54 @@ def check(
             descend,
             best,
             covariances,
-            np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance))),
+            farthest,
             number,
             ROUNDS,
-            statistics.likely_chi_squared(data.count - len(best.coordinates)),
+            likely,
             generator,
         )
         lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
         if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
             descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
         count += len(explored.points) + sum(search.evaluations for search in searches)
+        if explored.lowest <= likely:
+            box = lowest.coordinates - farthest, lowest.coordinates + farthest
+            posterior = _small_posterior(lanes, parameters, units, box, number, explored.lowest)
     seconds = time.perf_counter() - started
-    return LikelihoodCheck(test, explored, tuple(searches), count, seconds, difference)
+    found = tuple(searches)
+    return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
+
+
+def _small_posterior(
+    lanes: SideBySide,
+    parameters: Mapping[str, Parameter],
+    units: Mapping[str, str],
+    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    number: int,
+    lowest: float,
+) -> Posterior | None:
+    """Return the posterior in a box by few points, or ``None`` if they don't represent it.
+
+    **Arguments:** `box`: lower and upper ends (p,) of the coordinates, between which the prior is
+    uniform; `number`: as in `check`; `lowest`: smallest chi squared that is known.
+    """
+
+    def uniform(points: np.ndarray) -> np.ndarray:
+        return np.zeros(len(points))
+
+    points = max(FEWEST_POINTS, int(POINTS * number))
+    runs = REFINEMENT * number, MOST_RUNS * number
+    try:
+        found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, *runs)
+    except (ArithmeticError, ValueError):
+        # Too many runs, no possible point or a singular cloud: the fit keeps its other intervals.
+        return None
+    # Warnings say that the box cuts the posterior off, or that points hardly moved. A cloud that
+    # does not come near the lowest minimum has missed it.
+    nearest = found.coordinates[found.log_likelihood.argmax()]
+    rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
+    enough = found.effective_sample_size >= EFFECTIVE and rise <= likelihood.RISE
+    return found if enough and not found.warnings else None
 
 
 def _quadratic_test(

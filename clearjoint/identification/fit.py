@@ -22,6 +22,7 @@ from . import goodness_of_fit as statistics
 from . import likelihood
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
+from .posterior.result import Posterior
 from .report import (
     FAR,
     correlation_table,
@@ -160,18 +161,33 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        An interval also contains other minima in which searches ended, if their chi squared is low
-        enough. If `check` has explored chi squared, the interval contains all explored points with
-        a chi squared at most 3.84 above the lowest.
+        If `check` has found that chi squared is not quadratic, these are the central intervals of
+        `posterior`, which need not contain the estimates. Without a posterior, they contain all
+        points that `check` has explored with a chi squared at most 3.84 above the lowest. Other
+        minima in which searches ended, outside the posterior's box, are added if their chi squared
+        is low enough.
         """
-        minima = self.best.best, *self._other_minima
-        lows, highs = likelihood.intervals(minima, self.chi_squared)
-        ends = lows.min(axis=0), highs.max(axis=0)
-        if self.check is not None and self.check.exploration is not None:
-            explored = self.check.exploration.intervals()
-            ends = np.minimum(ends[0], explored[0]), np.maximum(ends[1], explored[1])
-        low, high = (values_at(self.parameters, end) for end in ends)
+        minima, posterior = [self.best.best, *self._other_minima], self.posterior
+        if posterior is not None:
+            low, high = posterior.box
+            minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
+        parts = [likelihood.intervals(minima, self.chi_squared)] if minima else []
+        if posterior is not None:
+            scales = [parameter.scale for parameter in self.parameters.values()]
+            pairs = zip(scales, posterior.intervals.values(), strict=True)
+            ends = np.array([[scale.coordinate(end) for end in two] for scale, two in pairs])
+            parts.append((ends[:, 0], ends[:, 1]))
+        elif self.check is not None and self.check.exploration is not None:
+            parts.append(self.check.exploration.intervals())
+        lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
+        low = values_at(self.parameters, lows.min(axis=0))
+        high = values_at(self.parameters, highs.max(axis=0))
         return {name: (low[name], high[name]) for name in self.parameters}
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """Posterior of few points from which `intervals` come, by `check`; otherwise ``None``."""
+        return None if self.check is None else self.check.posterior
 
     @property
     def rivals(self) -> list[dict[str, float]]:
@@ -316,39 +332,47 @@ class Fit(AbstractTabular):
         moved = float(explored.chi_squared[0]) - self.chi_squared
         single = check.minima == 1 and moved <= likelihood.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
-        if single and reliable and check.widening(self.best.best) < ALIKE:
-            parts = [
-                f"Chi squared is rough: {result}. The intervals agree with those from {source} "
-                f"({cost}). There may be lower minima farther away."
-            ]
+        alike = single and reliable and check.widening(self.best.best) < ALIKE
+        head = "Chi squared is rough" if alike else "Standard errors are not valid"
+        if check.posterior is not None:
+            intervals = (
+                f"The intervals are those of a posterior by {check.posterior.runs} more runs "
+                f"without derivatives, {check.posterior.seconds:.2g} s, around the lowest of "
+                f"{number} ({cost})."
+            )
         else:
-            parts = [
-                f"Standard errors are not valid: {result}. The intervals contain {source} ({cost})."
-            ]
+            intervals = f"The intervals {'agree with those from' if alike else 'contain'} {source}"
+            intervals += f" ({cost})."
+        parts = [f"{head}: {result}. {intervals}"]
+        if alike:
+            parts.append("There may be lower minima farther away.")
         if moved > likelihood.FLOOR:
             parts.append(
                 f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
             )
+        return " ".join([*parts, *self._check_limits(check, explored)])
+
+    def _check_limits(
+        self, check: LikelihoodCheck, explored: likelihood.Exploration
+    ) -> Iterator[str]:
+        """Yield sentences on what limits the intervals of an exploration."""
         until = check.horizon
         if self.horizon is not None:
             until = min(until, self.horizon.single_shot)
         if math.isfinite(until):
             past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
-            parts.append(
+            yield (
                 f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon "
                 "of a fit by a single run."
             )
-        if not explored.settled:
-            parts.append(
-                "The intervals were still growing: increase check_runs, or shorten the record."
-            )
+        if not explored.settled and check.posterior is None:
+            yield ("The intervals were still growing: increase check_runs, or shorten the record.")
         if abs(check.difference) > 1.0:
-            parts.append(
+            yield (
                 f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "
                 "shorten the record."
             )
-        return " ".join(parts)
 
     @property
     def doubts(self) -> list[str]:

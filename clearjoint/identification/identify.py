@@ -117,8 +117,10 @@ def identify(
       around the estimates, with the prediction of the covariance. If they differ, chi squared has
       several minima close together or is not quadratic. Then `check_runs` runs without derivatives,
       more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
-      the lowest minimum, its intervals contain all points that the data allow, and its report
-      begins with this result. See `Fit.check`.
+      the lowest minimum, and its report begins with this result. Intervals are those of a posterior
+      around this minimum, by at most 75 times `check_runs` runs without derivatives; if that is not
+      enough, they contain all points that the data allow. See `Fit.check` and
+      `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 
@@ -247,7 +249,8 @@ def identify_many(
                 best = best_search(searches)
                 if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                     on_check = partial(on_iteration, data.count)
-                    checked = check(best.best, runs, data, parameters, check_runs, on_check)
+                    inputs = best.best, runs, data, parameters, units
+                    checked = check(*inputs, check_runs, on_check)
                     # The last local search started from the lowest minimum: it comes first among
                     # the searches of equal chi squared.
                     best = best_search((best, *checked.searches[::-1]))

@@ -11,7 +11,14 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.identification.posterior.modes import modes
-from clearjoint.identification.posterior.tempering import Target, draw, level, next_count, resampled
+from clearjoint.identification.posterior.tempering import (
+    Target,
+    draw,
+    level,
+    next_count,
+    refined,
+    resampled,
+)
 
 TIMES, SPEED, NOISE, WIDTH = np.linspace(0.1, 1.0, 10), 0.7, 0.05, 2.0
 SCENE = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, 0.0))
@@ -173,6 +180,12 @@ def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
     errors = [(one.log_evidence - evidence) / one.error for one in draws]
     assert np.abs(errors).max() < 4.0 and all(0.01 < one.error < 0.6 for one in draws)
     assert set(modes(draws[0].points, draws[0].chi_squared)) == {0}
+    fine = refined(target, draws[0], 4000, np.random.default_rng(0))
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), (fine.points - mean).T)
+    assert whitened.shape == (parameters, 1000)
+    np.testing.assert_allclose(np.cov(whitened), np.eye(parameters), atol=0.12)
+    ends = np.quantile(whitened, (0.025, 0.975), axis=1).T
+    np.testing.assert_allclose(ends, np.tile((-1.96, 1.96), (parameters, 1)), atol=0.2)
 
 
 def test_steps_along_the_record():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.identification import checking
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
 from clearjoint.identification.screening.misfit_curves import SideBySide
 
@@ -139,14 +140,22 @@ def rough():
     return cj.Measurements({"x": series.with_noise(np.random.default_rng(6))})
 
 
-def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
+def rough_curve(rough):
+    """Stiffnesses on a fine grid that is even on the scale of the parameter, and chi squared."""
+    grid = np.geomspace(STIFFNESS / np.e**2, STIFFNESS * np.e**2, 40001)
+    return grid, (((moved(grid[:, None]) - rough["x"].values) / UNEQUAL) ** 2).sum(axis=1)
+
+
+def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, monkeypatch):
     """By chi squared in closed form on a fine grid: two minima, the lower one 8 standard errors
-    from where a search from the truth ends."""
+    from where a search from the truth ends. A posterior that would take too many runs fails no
+    fit."""
+    monkeypatch.setattr(checking, "MOST_RUNS", 1)
     with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
         fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
     plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
-    grid = np.geomspace(STIFFNESS / np.e**2, STIFFNESS * np.e**2, 40001)
-    curve = (((moved(grid[:, None]) - rough["x"].values) / UNEQUAL) ** 2).sum(axis=1)
+    grid, curve = rough_curve(rough)
+    assert fit.posterior is None
     assert fit.chi_squared == pytest.approx(curve.min(), abs=0.01)
     assert fit.estimates["stiffness"] == pytest.approx(grid[curve.argmin()], rel=1e-3)
     assert fit.chi_squared < plain.chi_squared and plain.check is None
@@ -158,9 +167,38 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough):
     assert f"with 2 minima ({fit.check.runs} runs around the estimates" in second
 
 
-def test_a_valid_covariance_is_confirmed_by_few_runs(data):
+def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(rough):
+    """Their probability by chi squared in closed form; equal bits in a second fit."""
+    options = {"progress": False, "check_runs": 100}
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
+        fit, again = (cj.identify(SCENE, STATE, rough, PARAMETERS, **options) for _ in range(2))
+    grid, curve = rough_curve(rough)
+    distribution = np.cumsum(np.exp(-0.5 * (curve - curve.min())))
+    low, high = np.interp(fit.intervals["stiffness"], grid, distribution / distribution[-1])
+    assert 0.9 < high - low < 0.99 and low < 0.06 and high > 0.94
+    assert fit.intervals["stiffness"][0] < STIFFNESS < fit.intervals["stiffness"][1]
+    assert fit.intervals["stiffness"] == pytest.approx(fit.posterior.intervals["stiffness"])
+    assert len(fit.posterior.weights) >= 2 and fit.posterior.runs <= 7500
+    assert f"those of a posterior by {fit.posterior.runs} more runs" in str(fit).split("\n\n")[1]
+    assert again.intervals == fit.intervals and again.posterior.runs == fit.posterior.runs
+
+
+def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(checking, "drawn_posterior", interrupt)
+    with pytest.raises(cj.FitInterrupted) as stopped:
+        cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+    (fit,) = stopped.value.fits
+    assert fit.check is None and fit.posterior is None and fit.chi_squared < 220.0
+
+
+def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
+    monkeypatch.setattr(checking, "drawn_posterior", None)  # An additional run would fail.
     fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
     assert fit.check.passed and fit.check.exploration is None and fit.doubts == []
+    assert fit.posterior is None
     assert fit.check.runs == len(fit.check.test.actual) == 14
     np.testing.assert_allclose(fit.check.test.actual, fit.check.test.predicted, rtol=0.3, atol=0.3)
     assert "up to 4 standard errors away (14 runs around" in str(fit)

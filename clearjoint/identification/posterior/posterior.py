@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +21,7 @@ from ..screening.misfit_curves import SideBySide
 from ..starts import Guess, half_widths, start_coordinates
 from .modes import modes
 from .result import Posterior
-from .tempering import Target, draw
+from .tempering import Target, draw, refined
 
 FEWEST = 32
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
@@ -90,36 +90,73 @@ def posterior(
     settings = settings_or(settings, presets.identification)
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
-    lanes = _Lanes(SideBySide(runs, samples(measurements, len(runs.times))))
-    low, high = centre - half, centre + half
-    prior = _prior(parameters, log_prior)
-    target = Target(lanes.curves, lanes.side_by_side.count, low, high, prior)
+    side_by_side = SideBySide(runs, samples(measurements, len(runs.times)))
+    units = {name: one.variation.unit_in(scene, state) for name, one in parameters.items()}
+    box, prior = (centre - half, centre + half), _prior(parameters, log_prior)
     bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
     with telling_of_compiling(bar):
 
-        def on_step(count: float) -> None:
-            bar.set_postfix_str(f"to {lanes.side_by_side.time(count):.4g} s, {lanes.runs} runs")
+        def on_step(time: float, runs: int) -> None:
+            bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
             bar.update()
 
-        try:
-            drawn = draw(target, number, np.random.default_rng(seed), on_step)
-        except FloatingPointError as error:
-            raise ValueError(
-                f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
-                "the prior of the others is zero). Centre `guess` on values with which the scene "
-                "runs, or change `spread` or `log_prior`."
-            ) from error
-    noise = np.concatenate([np.asarray(series.noise) for series in measurements.series.values()])
-    constant = -float(np.log(noise * math.sqrt(2.0 * math.pi)).sum())
+        found = drawn_posterior(
+            side_by_side, parameters, units, box, prior, number, seed, on_step=on_step
+        )
+    return replace(found, seconds=time.perf_counter() - begun)
+
+
+def drawn_posterior(
+    side_by_side: SideBySide,
+    parameters: Mapping[str, Parameter],
+    units: Mapping[str, str],
+    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
+    number: int,
+    seed: int,
+    refinement: int = 0,
+    most_runs: float = math.inf,
+    on_step: Callable[[float, int], None] = lambda time, runs: None,
+) -> Posterior:
+    """Return the posterior distribution of parameters for runs as lanes.
+
+    **Arguments:** `box`: lower and upper ends (p,) of the coordinates; `log_prior`: function of
+    points (n, p); `refinement`: number of runs of an importance sampling at the end, which draws
+    five times `number` points; 0 for none; `most_runs`: number of runs that is not exceeded;
+    `on_step`: receives the time, s, up to which the record is in the likelihood, and the number of
+    runs so far. Others are as in `posterior`.
+
+    **Raises:** `ValueError` if all points are impossible; `TooManyRunsError`.
+    """
+    begun = time.perf_counter()
+    lanes = _Lanes(side_by_side, most_runs)
+    target = Target(lanes.curves, side_by_side.count, *box, log_prior)
+
+    def after(count: float) -> None:
+        on_step(side_by_side.time(count), lanes.runs)
+
+    try:
+        generator = np.random.default_rng(seed)
+        drawn = draw(target, number, generator, after)
+        if refinement:
+            drawn = refined(target, drawn, refinement, generator)
+    except FloatingPointError as error:
+        raise ValueError(
+            f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
+            "the prior of the others is zero). Centre `guess` on values with which the scene "
+            "runs, or change `spread` or `log_prior`."
+        ) from error
+    weights = side_by_side.data.weights
+    constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
     return Posterior(
         dict(parameters),
-        {name: one.variation.unit_in(scene, state) for name, one in parameters.items()},
+        dict(units),
         drawn.points,
         constant - 0.5 * drawn.chi_squared,
         modes(drawn.points, drawn.chi_squared),
         constant + drawn.log_evidence,
         drawn.error,
-        (low, high),
+        box,
         lanes.runs,
         lanes.failed,
         drawn.steps,
@@ -129,17 +166,27 @@ def posterior(
     )
 
 
+class TooManyRunsError(ArithmeticError):
+    """End of a posterior that would take more runs than allowed."""
+
+
 @dataclass
 class _Lanes:
     """Chi squared by lanes, with the number of runs so far and of those that failed."""
 
     side_by_side: SideBySide
+    most_runs: float
     runs: int = field(default=0)
     failed: int = field(default=0)
 
     def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
         """Return chi squared over the first 0 to `count` times, (n, count + 1), infinite from the
-        first sample that a run misses."""
+        first sample that a run misses.
+
+        **Raises:** `TooManyRunsError` before it exceeds `most_runs`.
+        """
+        if self.runs + len(points) > self.most_runs:
+            raise TooManyRunsError(f"more than {self.most_runs:g} runs")
         curves = self.side_by_side.chi_squared(points, count)
         missed = np.maximum.accumulate(np.diff(curves, axis=1, prepend=0.0) >= UNREACHED**2, axis=1)
         self.runs += len(points)
