@@ -1,4 +1,4 @@
-"""Films, links, and every law and friction, looked at otherwise: as in `test_symmetries.py`, whose
+"""Symmetries of films, links, and every law and friction, like those of `test_symmetries.py`, whose
 mechanism has one law and one friction."""
 
 from functools import cache
@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from tests.simulation.test_symmetries import directions, factors, few, mirror, vectors
-from tests.support import families, seen_otherwise
+from tests.support import families
+from tests.support import symmetry_transformations as symmetries
 from tests.support.families import FAMILIES
 from tests.support.hinged import Outcome
 
@@ -32,7 +33,7 @@ def simulated(scene: cj.Scene, state: cj.State, end: float, metre: float = 1.0) 
 
 def outcome(found: cj.State, names) -> Outcome:
     bodies = [found.bodies[name] for name in names]
-    rotation = np.stack([seen_otherwise.matrix(body.orientation) for body in bodies])
+    rotation = np.stack([symmetries.matrix(body.orientation) for body in bodies])
     parts = ("position", "velocity", "spin")
     position, velocity, spin = (
         np.stack([np.asarray(getattr(b, p)) for b in bodies]) for p in parts
@@ -75,8 +76,8 @@ def general(family: str, lossless: bool = False) -> tuple[cj.Scene, cj.State, fl
         np.array([0.3, -0.2, 0.4]),
     )
     return (
-        seen_otherwise.turned(scene, maps, moved),
-        seen_otherwise.turned_state(state, maps, moved),
+        symmetries.turned(scene, maps, moved),
+        symmetries.turned_state(state, maps, moved),
         end,
     )
 
@@ -93,11 +94,11 @@ def test_turned_and_moved(family, turn, own, moved):
     scene, state, end = general(family)
     maps = maps_of(scene, turn, own)
     found = simulated(
-        seen_otherwise.turned(scene, maps, moved),
-        seen_otherwise.turned_state(state, maps, moved),
+        symmetries.turned(scene, maps, moved),
+        symmetries.turned_state(state, maps, moved),
         end,
     )
-    assert not far(found, seen_otherwise.turned_state(ended(family), maps, moved))
+    assert not far(found, symmetries.turned_state(ended(family), maps, moved))
 
 
 @every
@@ -107,11 +108,11 @@ def test_mirrored(family, turn, own, normal):
     scene, state, end = general(family)
     maps, moved = maps_of(scene, turn, own, normal), np.zeros(3)
     found = simulated(
-        seen_otherwise.turned(scene, maps, moved),
-        seen_otherwise.turned_state(state, maps, moved),
+        symmetries.turned(scene, maps, moved),
+        symmetries.turned_state(state, maps, moved),
         end,
     )
-    assert not far(found, seen_otherwise.turned_state(ended(family), maps, moved))
+    assert not far(found, symmetries.turned_state(ended(family), maps, moved))
 
 
 @every
@@ -120,20 +121,20 @@ def test_mirrored(family, turn, own, normal):
 def test_in_other_units(family, scale):
     scene, state, end = general(family)
     found = simulated(
-        seen_otherwise.in_units(scene, scale),
-        seen_otherwise.state_in_units(state, scale),
+        symmetries.in_units(scene, scale),
+        symmetries.state_in_units(state, scale),
         end * scale[2],
         scale[0],
     )
-    assert not far(found, seen_otherwise.state_in_units(ended(family), scale))
+    assert not far(found, symmetries.state_in_units(ended(family), scale))
 
 
 @every
 @pytest.mark.parametrize("choice", [1, 2, 3])
 def test_axes_reversed(family, choice):
-    """Bases, corners, walls and flanks are exchanged so."""
+    """Reversed axes exchange the bases of a journal."""
     scene, state, end = general(family)
-    changed = seen_otherwise.scene_with(scene, lambda e: seen_otherwise.reversed_axes(e, choice))
+    changed = symmetries.scene_with(scene, lambda e: symmetries.reversed_axes(e, choice))
     assert not far(simulated(changed, state, end), ended(family))
 
 
@@ -159,10 +160,12 @@ def gap_in_units(gap: cj.extend.Gap, scale) -> cj.extend.Gap:
 @given(gap=GAPS, scale=st.tuples(factors, factors, factors))
 def test_every_law_in_other_units(gap, scale):
     laws = [*families.contact_laws(), *map(cj.laws.Hertz, families.cylinders())]
-    newton, speed = seen_otherwise.factor("N", scale, {}), scale[0] / scale[2]
+    newton, speed = symmetries.factor("N", scale, {}), scale[0] / scale[2]
     for law in laws:
         found = force(
-            seen_otherwise.in_other_units(law, scale), gap_in_units(gap, scale), 0.25 * speed
+            symmetries.in_other_units(law, scale),
+            gap_in_units(gap, scale),
+            0.25 * speed,
         )
         expected = newton * force(law, gap, 0.25)
         assert np.isclose(found, expected, rtol=1e-9), law
@@ -186,6 +189,6 @@ def test_every_law_backwards_at_restitution_one(gap):
 def test_every_friction_in_other_units(speed, scale):
     for name, law in families.friction_laws().items():
         if isinstance(law, cj.extend.AbstractFriction):
-            other = seen_otherwise.in_other_units(law, scale)
+            other = symmetries.in_other_units(law, scale)
             found = other.ratio(np.asarray(scale[0] / scale[2] * speed))
             assert np.isclose(found, law.ratio(np.asarray(speed)), rtol=1e-9), name

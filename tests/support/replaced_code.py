@@ -10,7 +10,7 @@ from clearjoint.dynamics import contact_forces, system
 from clearjoint.dynamics.joint_coordinates import branches
 from clearjoint.dynamics.joint_coordinates import spatial_inertia as inertia
 from clearjoint.dynamics.system import System
-from clearjoint.model.clearance_joints import axial, bearing_surfaces, clearance
+from clearjoint.model.clearance_joints import axial, clearance, common
 from clearjoint.model.contact.friction import RegularisedCoulomb
 from clearjoint.model.joints import motion_subspaces as freedoms
 from clearjoint.parametrisation.parametrised_scene import ParametrisedScene
@@ -33,7 +33,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (stepping, "updated_entry_speeds"),
             (System, "second_rates"),
         ),
-        "friction": ((RegularisedCoulomb, "force"), (bearing_surfaces, "slip_velocity")),
+        "friction": ((RegularisedCoulomb, "force"), (common, "slip_velocity")),
         "end play": ((axial.EndPlay, "shoulder_gap"),),
         "energy ledger": ((system, "ledger_powers"),),
         "sensitivities": ((ParametrisedScene, "pushed"), (stepping, "_tangents_after")),

@@ -1,5 +1,5 @@
-"""Any scene looked at otherwise: turned or mirrored, in other units, with the sides of its joints
-exchanged, or with their axes reversed. Each function changes what a user would have to change."""
+"""Symmetry transformations of any scene: turned or mirrored, in other units, or with reversed axes
+of joints."""
 
 import copy
 import math
@@ -290,67 +290,6 @@ def state_in_units(state: cj.State, scale: Scale) -> cj.State:
             for name, body in state.bodies.items()
         }
     )
-
-
-def exchanged(element: Any) -> Any:
-    """The element with its first and second body exchanged; itself where it has sides that
-    differ, such as the line and the point of an `InlineJoint`."""
-    if not isinstance(element, EXCHANGEABLE):
-        return element
-    changes = {}
-    for field in fields(element):
-        partner = other_side(field.name)
-        if partner is not None:
-            changes[field.name] = getattr(element, partner)
-    if hasattr(element, "orientation"):
-        turn = matrix(element.orientation)
-        changes["orientation"] = euler(turn.T)
-        if hasattr(element, "axis"):
-            changes["axis"] = -turn.T @ np.asarray(element.axis)
-    after = with_fields(element, **changes)
-    if isinstance(element, cj.Backlash):
-        return with_fields(after, middle=-element.middle)
-    if isinstance(element, cj.GearJoint):
-        ratio = element.teeth_first / element.teeth_second
-        return with_fields(after, offset=element.offset * (-ratio if element.internal else ratio))
-    if isinstance(element, cj.GearBacklash):
-        ratio = element.teeth_first / element.teeth_second
-        return with_fields(after, phase=ratio * (element.phase - math.pi) - math.pi)
-    return after
-
-
-EXCHANGEABLE = (
-    cj.FixedJoint,
-    cj.SphericalJoint,
-    cj.RevoluteJoint,
-    cj.CylindricalJoint,
-    cj.PrismaticJoint,
-    cj.DistanceJoint,
-    cj.PlanarJoint,
-    cj.UniversalJoint,
-    cj.ScrewJoint,
-    cj.GearJoint,
-    cj.PrescribedRotation,
-    cj.PrescribedAngle,
-    cj.DriveTorque,
-    cj.Motor,
-    cj.SpringDamper,
-    cj.TorsionalSpring,
-    cj.Backlash,
-    cj.GearBacklash,
-    cj.BallInSocket,
-)
-PAIRS = {"socket_body": "ball_body", "socket_point": "ball_point"}
-
-
-def other_side(field: str) -> str | None:
-    pairs = PAIRS | {there: here for here, there in PAIRS.items()}
-    if field in pairs:
-        return pairs[field]
-    for here, there in (("first", "second"), ("second", "first")):
-        if re.search(rf"(^|_){here}$", field):
-            return re.sub(f"{here}$", there, field)
-    return None
 
 
 REVERSIBLE: dict[type, tuple[tuple[str, ...], ...]] = {
