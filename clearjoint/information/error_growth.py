@@ -1,7 +1,8 @@
 """Growth of small differences: displacements of points of the bodies per unit of a parameter.
 
 Each body has four points: its centre of mass, and one on each body axis, at the root mean square
-distance of the body's mass from that centre. A displacement is the root mean square over all points, in m.
+distance of the body's mass from that centre. A displacement is the root mean square over all
+points, in m.
 """
 
 from collections.abc import Mapping

@@ -67,6 +67,7 @@ def test_a_free_flight_has_the_posterior_and_the_evidence_of_the_closed_form():
     assert high == pytest.approx(mean + 1.96 * deviation, abs=0.5 * deviation)
 
 
+@pytest.mark.slow
 def test_two_minima_have_the_weights_of_the_prior():
     equal = found(SQUARE)
     assert len(equal.weights) == 2 and equal.weights[1] == pytest.approx(0.5, abs=0.12)

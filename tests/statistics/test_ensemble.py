@@ -97,6 +97,7 @@ def test_points_share_their_starts_and_failed_runs_are_counted():
     assert found["v"].dims == ("stiffness", "member")
 
 
+@pytest.mark.slow
 def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
     scene, state = cj.mechanisms.slider_crank(0.1e-3)
     axes = {"clearance": cj.Axis(lambda s: s.joints["slider pin"].clearance, [5e-5, 1e-4])}

@@ -167,24 +167,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         idle_speed: float  # rad/s
         orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
-        def __init__(
-        self,
-        first: str,
-        second: str,
-        axis: TripleLike,
-        target: FunctionOfTime,
-        proportional: Scalar,
-        derivative: Scalar,
-        torque_limit: Scalar | None = None,
-        orientation: QuadrupleLike = PARALLEL,
-    ):
-        self.first, self.second = first, second
-        self.axis, self.orientation = axis, orientation
-        self.target = as_function_of_time(target)
-        self.proportional, self.derivative = proportional, derivative
-        self.torque_limit = torque_limit
-
-    def torque_at(self, angle, speed, t):
+        def torque_at(self, angle, speed, t):
             return self.stall_torque * (1.0 - speed / self.idle_speed)
 
     motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
@@ -410,6 +393,23 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
     torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
     orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        axis: TripleLike,
+        target: FunctionOfTime,
+        proportional: Scalar,
+        derivative: Scalar,
+        torque_limit: Scalar | None = None,
+        orientation: QuadrupleLike = PARALLEL,
+    ):
+        self.first, self.second = first, second
+        self.axis, self.orientation = axis, orientation
+        self.target = as_function_of_time(target)
+        self.proportional, self.derivative = proportional, derivative
+        self.torque_limit = torque_limit
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the control torque, N m, within the torque limit.
