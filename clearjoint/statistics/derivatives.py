@@ -12,11 +12,11 @@ expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even where f is no
 """
 
 from collections.abc import Callable, Mapping
-from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import Unpack
 
 from ..export.labelled import Labelled, labelled_dataset, texts
 from ..fields.checks import require, require_count, require_positive
@@ -24,12 +24,11 @@ from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.step.settings import Settings
-from ..sweeps.executors import AbstractSubmitter
 from ..sweeps.outputs import Output
-from ..sweeps.sweep import CHUNK, sweep
+from ..sweeps.sweep import SweepOptions, sweep
 from .ensemble import DISTURBANCE, scalar_outputs
 from .starts import directions, disturbed_axes
-from .uncertain import Uncertain, check_uncertain
+from .uncertain import Uncertain, check_confidence, check_uncertain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,12 +56,8 @@ def statistics_derivatives(
     disturbance: float = DISTURBANCE,
     seed: int = 0,
     confidence: float = 0.95,
-    path: str | PathLike | None = None,
-    executor: AbstractSubmitter | None = None,
-    threads: int | None = None,
-    chunk: int = CHUNK,
     start_time: float = 0.0,
-    progress: bool = True,
+    **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Estimate the derivatives of the outputs' means by nominal values, with intervals.
 
@@ -72,8 +67,8 @@ def statistics_derivatives(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
-      `threads`, `chunk`, `progress`: as in `sweep`.
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters, `Uncertain` by name. A `deviation` needs no runs of its own,
       whatever the number of parameters; each `half_width` or `between` takes `members` further
       runs.
@@ -101,35 +96,24 @@ def statistics_derivatives(
     """
     check_uncertain(uncertain)
     require_positive("disturbance", disturbance, "give it in m/s")
-    inside = 0.0 < float(confidence) < 1.0
-    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+    check_confidence(confidence)
     _check_members(members, len(uncertain))
     scene, state = with_arrays((scene, state))
     draws = _draws(uncertain, members, seed)
     axes = {
         name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
     }
+    along = _directions(scene, len(draws), members, seed)
     results = sweep(
         scene,
         state,
         end_time,
-        disturbed_axes(
-            scene,
-            state,
-            axes,
-            disturbance,
-            _directions(scene, len(draws), members, seed),
-            start_time,
-        ),
+        disturbed_axes(scene, state, axes, disturbance, along, start_time),
         outputs,
         settings,
         zipped=True,
-        path=path,
-        executor=executor,
-        threads=threads,
-        chunk=chunk,
         start_time=start_time,
-        progress=progress,
+        **options,
     )
     from scipy.special import ndtri
 

@@ -2,10 +2,10 @@
 
 import warnings
 from collections.abc import Callable, Mapping
-from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
+from typing_extensions import Unpack
 
 from ..fields.checks import require, require_count, require_positive
 from ..fields.conversion import with_arrays
@@ -14,9 +14,8 @@ from ..model.scene import Scene
 from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.axes import Axis
-from ..sweeps.executors import AbstractSubmitter
 from ..sweeps.outputs import Output
-from ..sweeps.sweep import CHUNK, sweep
+from ..sweeps.sweep import SweepOptions, sweep
 from .lyapunov import exponents_from
 from .starts import directions, disturbed_axes, with_values
 
@@ -43,12 +42,8 @@ def ensemble(
     seed: int = 0,
     quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
     exponents: int = 0,
-    path: str | PathLike | None = None,
-    executor: AbstractSubmitter | None = None,
-    threads: int | None = None,
-    chunk: int = CHUNK,
     start_time: float = 0.0,
-    progress: bool = True,
+    **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
 
@@ -58,9 +53,9 @@ def ensemble(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
-      `threads`, `chunk`, `progress`: as in `sweep`. Statistics are those of reductions and of
-      other outputs with one number in each run.
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are those of reductions
+      and of other outputs with one number in each run.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default one point.
     - `members`: number of runs at each point. More members of the same seed extend a stored
       ensemble.
@@ -114,12 +109,8 @@ def ensemble(
         outputs,
         settings,
         zipped=True,
-        path=path,
-        executor=executor,
-        threads=threads,
-        chunk=chunk,
         start_time=start_time,
-        progress=progress,
+        **options,
     )
     shape = tuple(len(axis.values) for axis in axes.values())
     labels = {
@@ -134,8 +125,9 @@ def ensemble(
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
             at = with_values(scene, state, axes, values)
             end = end_time(at[0]) if callable(end_time) else end_time
-            starts = along[:exponents]
-            growth[k] = exponents_from(*at, end, disturbance, starts, start_time, progress)
+            growth[k] = exponents_from(
+                *at, end, disturbance, along[:exponents], start_time, options.get("progress", True)
+            )
         for column, name in enumerate(("lyapunov_exponent", "lyapunov_exponent_standard_error")):
             variable = tuple(axes), growth[:, column].reshape(shape), {"units": "1/s"}
             statistics[name] = variable

@@ -2,10 +2,10 @@
 
 import warnings
 from collections.abc import Callable, Mapping
-from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
+from typing_extensions import Unpack
 
 from ..export.labelled import Labelled, labelled_dataset, texts
 from ..fields.checks import require, require_count
@@ -13,11 +13,10 @@ from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.step.settings import Settings
-from ..sweeps.executors import AbstractSubmitter
 from ..sweeps.outputs import Output
-from ..sweeps.sweep import CHUNK, sweep
+from ..sweeps.sweep import SweepOptions, sweep
 from .ensemble import scalar_outputs
-from .uncertain import Uncertain, axes_at, check_uncertain, unit_cube
+from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,24 +37,20 @@ def sobol_indices(
     count: int = 256,
     seed: int = 0,
     confidence: float = 0.95,
-    path: str | PathLike | None = None,
-    executor: AbstractSubmitter | None = None,
-    threads: int | None = None,
-    chunk: int = CHUNK,
     start_time: float = 0.0,
-    progress: bool = True,
+    **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
 
     The first-order index of a parameter is the share of the variance that it causes alone, the
-    total index that which it causes alone and together with others. The estimator is that of
+    total index the share that it causes alone and together with others. The estimator is that of
     `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010), the
     intervals are percentiles of a bootstrap over groups of runs.
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, `path`, `executor`,
-      `threads`, `chunk`, `progress`: as in `sweep`.
+    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
     - `count`: n, a power of two; n (p + 2) runs are made.
     - `seed`: of the scrambled Sobol points and of the bootstrap.
@@ -84,8 +79,7 @@ def sobol_indices(
     require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")
     require_count("count", count, "give a power of two")
     require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
-    inside = 0.0 < float(confidence) < 1.0
-    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+    check_confidence(confidence)
     scene, state = with_arrays((scene, state))
     results = sweep(
         scene,
@@ -95,12 +89,8 @@ def sobol_indices(
         outputs,
         settings,
         zipped=True,
-        path=path,
-        executor=executor,
-        threads=threads,
-        chunk=chunk,
         start_time=start_time,
-        progress=progress,
+        **options,
     )
     variables: dict[str, Labelled] = {}
     for name, values in scalar_outputs(results).items():

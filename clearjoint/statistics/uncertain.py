@@ -121,6 +121,15 @@ def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
         require(fine, f"uncertain[{name!r}]", kind, "an Uncertain", PASS_UNCERTAIN)
 
 
+def check_confidence(confidence: float) -> None:
+    """Check the level of intervals.
+
+    **Raises:** `ValueError` unless it is between 0 and 1.
+    """
+    inside = 0.0 < float(confidence) < 1.0
+    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+
+
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
     """Return a design of `count` points in the unit cube, (count, dimensions), by
     `scipy.stats.qmc`."""

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -36,6 +36,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 256
+
+
+class SweepOptions(TypedDict, total=False):
+    """Options of `sweep` that functions which make a sweep pass on to it."""
+
+    path: str | PathLike | None
+    executor: AbstractSubmitter | None
+    threads: int | None
+    chunk: int
+    progress: bool
 
 
 def sweep(
