@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -207,64 +207,142 @@ def identify_many(
     runs = runs_with(settings)
     around = starts if isinstance(starts, Starts) else None
     rows = start_coordinates(scene, state, parameters, guess, around)
-    if screening := isinstance(starts, Screening):
+    if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
-    coarse_runs = runs_with(settings.looser(LOOSER)) if screening else runs
+    coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    fits = []
+    problem = _Problem(
+        runs,
+        coarse_runs,
+        parameters,
+        units,
+        rows,
+        starts,
+        ends,
+        tolerance,
+        max_iterations,
+        check_runs,
+        horizon,
+    )
+    fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
-            data = samples(one, len(runs.times))
-            searches: list[Search] = []
-            screened, checked, stopped = (), None, False
-
-            def search_from(
-                start: np.ndarray, data: Samples = data, searches: list[Search] = searches
-            ) -> Search:
-                search = _search(
-                    runs,
-                    data,
-                    ends,
-                    start,
-                    step_limits(parameters),
-                    tolerance,
-                    max_iterations,
-                    on_iteration,
-                )
-                searches.append(search)
-                if search.ending is Ending.INTERRUPTED:
-                    raise KeyboardInterrupt
-                return search
-
-            try:
-                if screening:
-                    lanes, names = SideBySide(coarse_runs, data), tuple(parameters)
-                    screened = search_screened(
-                        starts, lanes, rows[0], names, progress is True, search_from
-                    )
-                else:
-                    for row in rows:
-                        search_from(row)
-                best = best_search(searches)
-                if check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
-                    on_check = partial(on_iteration, data.count)
-                    inputs = best.best, runs, data, parameters, units
-                    checked = check(*inputs, check_runs, on_check)
-                    # The last local search started from the lowest minimum: it comes first among
-                    # the searches of equal chi squared.
-                    best = best_search((best, *checked.searches[::-1]))
-            except KeyboardInterrupt as interruption:
-                if not searches:
-                    raise FitInterrupted(fits) from interruption
-                best, stopped = best_search(searches), True
-            fitted = runs.family.scene_and_state(best.best.coordinates)
-            results = tuple(searches), best, screened, horizon, checked
-            fits.append(Fit(*fitted, dict(parameters), units, one, *results))
+            fit, stopped = problem.fit(one, on_iteration, progress is True)
+            fits += [] if fit is None else [fit]
             if stopped:
                 raise FitInterrupted(fits)
     _warn(fits)
     return fits
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Data that all fits of `identify_many` share; see its arguments.
+
+    - `runs`, `coarse_runs`: the runs to fit, and runs of looser tolerances for a screening.
+    - `units`: of the parameters by name.
+    - `rows`: (starts, p) coordinates from which searches start.
+    - `ends`: ends of the growing windows, s, of which the last is the end of the record.
+    """
+
+    runs: Experiment
+    coarse_runs: Experiment
+    parameters: Mapping[str, Parameter]
+    units: dict[str, str]
+    rows: np.ndarray
+    starts: Starts | Screening | None
+    ends: Sequence[float]
+    tolerance: float
+    max_iterations: int
+    check_runs: int
+    horizon: FitHorizon | None
+
+    def fit(
+        self, one: Measurements, on_iteration: OnFitIteration, show: bool
+    ) -> tuple[Fit | None, bool]:
+        """Fit one set of measurements.
+
+        **Arguments:** `show`: whether to show the progress of a screening.
+
+        **Returns:** the fit, ``None`` if the user interrupted it before the first search ended; and
+        whether the user interrupted it.
+        """
+        data = samples(one, len(self.runs.times))
+        searches: list[Search] = []
+        screened, checked, stopped = (), None, False
+
+        def search_from(start: np.ndarray) -> Search:
+            search = self._search(data, start, on_iteration)
+            searches.append(search)
+            if search.ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            return search
+
+        try:
+            if isinstance(self.starts, Screening):
+                lanes, names = SideBySide(self.coarse_runs, data), tuple(self.parameters)
+                screened = search_screened(
+                    self.starts, lanes, self.rows[0], names, show, search_from
+                )
+            else:
+                for row in self.rows:
+                    search_from(row)
+            best = best_search(searches)
+            if self.check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                inputs = best.best, self.runs, data, self.parameters, self.units
+                checked = check(*inputs, self.check_runs, partial(on_iteration, data.count))
+                # The last local search started from the lowest minimum: it comes first among the
+                # searches of equal chi squared.
+                best = best_search((best, *checked.searches[::-1]))
+        except KeyboardInterrupt:
+            if not searches:
+                return None, True
+            best, stopped = best_search(searches), True
+        fitted = self.runs.family.scene_and_state(best.best.coordinates)
+        results = tuple(searches), best, screened, self.horizon, checked
+        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results)
+        return fit, stopped
+
+    def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
+        """Search from coordinates (p,), window by window; each window starts from the last."""
+        max_changes = step_limits(self.parameters)
+        windows, at = [], start
+        best: RunMisfit | None = None
+        for end in self.ends:
+            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # short window converges from farther away than in the whole record.
+            part, last = data.until(self.runs.times, end), end == self.ends[-1]
+            misfit = partial(run_misfit, self.runs, part, end)
+            try:
+                best, iterations, ending = search_with_damping(
+                    # Without a prior, a parameter that the window hardly determines could leave its
+                    # range here.
+                    misfit if last else partial(_with_prior, misfit, at, max_changes),
+                    at,
+                    max_changes,
+                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
+                    self.max_iterations,
+                    partial(on_iteration, part.count),
+                )
+            except KeyboardInterrupt:
+                # In the first run of the window, which `search_with_damping` does not catch: the
+                # result of the window before is kept.
+                if best is None:
+                    raise
+                iterations, ending, last = (), Ending.INTERRUPTED, False
+            # Samples that a failed run did not reach have constant residuals, on which a search may
+            # converge.
+            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
+                ending = Ending.FAILED
+            windows.append(WindowSearch(end, iterations, ending))
+            at = best.coordinates
+            if ending is Ending.INTERRUPTED:
+                if not last:  # A fit needs predictions for all samples.
+                    best = run_misfit(self.runs, data, self.ends[-1], at)
+                break
+        assert best is not None
+        return Search(start, tuple(windows), best)
 
 
 def _warn(fits: Sequence[Fit]) -> None:
@@ -283,59 +361,6 @@ def _warn(fits: Sequence[Fit]) -> None:
     if rough:
         many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "
         caution(f"{many}{rough[0]}", PoorFitWarning)
-
-
-def _search(
-    runs: Experiment,
-    data: Samples,
-    ends: Sequence[float],
-    start: np.ndarray,
-    max_changes: np.ndarray,
-    tolerance: float,
-    max_iterations: int,
-    on_iteration: OnFitIteration,
-) -> Search:
-    """Search from coordinates (p,), window by window; each window starts from the last.
-
-    **Arguments:** `ends`: end of each window, s; the last one is the end of the record;
-    `max_changes`: (p,) largest change of each coordinate in one step.
-    """
-    windows, at = [], start
-    best: RunMisfit | None = None
-    for end in ends:
-        # Over few impacts errors of the parameters have grown little, so that a search in a short
-        # window converges from farther away than in the whole record.
-        part, last = data.until(runs.times, end), end == ends[-1]
-        misfit = partial(run_misfit, runs, part, end)
-        try:
-            best, iterations, ending = search_with_damping(
-                # Without a prior, a parameter that the window hardly determines could leave its
-                # range here.
-                misfit if last else partial(_with_prior, misfit, at, max_changes),
-                at,
-                max_changes,
-                tolerance if last else max(tolerance, WINDOW_TOLERANCE),
-                max_iterations,
-                partial(on_iteration, part.count),
-            )
-        except KeyboardInterrupt:
-            # In the first run of the window, which `search_with_damping` does not catch: the result
-            # of the window before is kept.
-            if best is None:
-                raise
-            iterations, ending, last = (), Ending.INTERRUPTED, False
-        # Samples that a failed run did not reach have constant residuals, on which a search may
-        # converge.
-        if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
-            ending = Ending.FAILED
-        windows.append(WindowSearch(end, iterations, ending))
-        at = best.coordinates
-        if ending is Ending.INTERRUPTED:
-            if not last:  # A fit needs predictions for all samples.
-                best = run_misfit(runs, data, ends[-1], at)
-            break
-    assert best is not None
-    return Search(start, tuple(windows), best)
 
 
 def _with_prior(
