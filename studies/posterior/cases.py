@@ -1,7 +1,7 @@
 """Scenes with measurements free of noise, and the boxes of their priors."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,21 +13,8 @@ SPREAD = {"clearance": 1.0, "play": 1.0, "restitution": 2.0, "stiffness": 1.0, "
 AXIS = (0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
-class Case:
-    """A scene with its measurements free of noise.
-
-    `truth`, `guess`: values of the parameters by name; the box of the prior is centred on the
-    guess.
-    """
-
-    label: str
-    scene: cj.Scene
-    state: cj.State
-    parameters: dict[str, cj.Parameter]
-    truth: dict[str, float]
-    guess: dict[str, float]
-    clean: cj.Measurements
+class Case(coverage.Case):
+    """A scene with its measurements free of noise; the box of the prior is centred on the guess."""
 
     @property
     def spread(self) -> dict[str, float]:
@@ -37,15 +24,7 @@ class Case:
 
 def from_fits(case: coverage.Case) -> Case:
     """Return a case of the study of fits, with its far start as guess."""
-    return Case(
-        f"{case.label}, {1e3 * case.clean.times()[-1]:g} ms",
-        case.scene,
-        case.state,
-        case.parameters,
-        case.truth,
-        case.guess,
-        case.clean,
-    )
+    return Case(**{**vars(case), "label": f"{case.label}, {1e3 * case.clean.times()[-1]:g} ms"})
 
 
 def readings(
@@ -81,7 +60,7 @@ def slider_crank() -> Case:
     }
     clean = readings(scene, state, parameters, channels, np.arange(1, 101) * 1e-4)
     guess = {"clearance": 0.8e-3, "restitution": 0.7}
-    return Case("slider-crank, 10 ms", scene, state, parameters, truth, guess, clean)
+    return Case("slider-crank, 10 ms", scene, state, parameters, truth, guess, (), clean)
 
 
 def backlash() -> Case:
@@ -114,7 +93,7 @@ def backlash() -> Case:
     }
     clean = readings(scene, state, parameters, channels, np.arange(1, 101) * 5e-4)
     guess = {"play": 0.016, "restitution": 0.5, "stiffness": 6e7}
-    return Case("backlash, 50 ms", scene, state, parameters, truth, guess, clean)
+    return Case("backlash, 50 ms", scene, state, parameters, truth, guess, (), clean)
 
 
 CASES: dict[str, Callable[[], Case]] = {

@@ -1,7 +1,5 @@
-"""Scenes of massless links and of films, and all laws and frictions.
-
-Each joint has a body of its own, and all move at once. Scenes that are `lossless` conserve energy.
-"""
+"""Scenes of massless links and of films, in which each joint has a body of its own, and all laws
+and frictions."""
 
 import warnings
 from typing import Any
@@ -18,6 +16,7 @@ HERE = np.zeros(3)
 BASE = "ground"
 SOFT = 1e7
 """Stiffness of contacts, N/m^1.5."""
+LOSSY = cj.laws.ExactRestitution(0.7, SOFT)
 
 
 class Ride:
@@ -40,7 +39,7 @@ class Ride:
         size: float = 2e-3,
         mass: float = 0.7,
     ) -> str:
-        """Adds a body, which is at a place, turned, and moves; the spin is global."""
+        """Add a body and its initial state; `turn` is a rotation vector, and `spin` is global."""
         own = Rotation.from_rotvec(turn)
         at = cj.body_state(position, euler(own.as_matrix()), velocity, own.inv().apply(spin))
         self.bodies[name] = cj.Body(mass, (size, 1.3 * size, 1.4 * size))
@@ -54,11 +53,7 @@ class Ride:
         )
 
 
-def law(lossless: bool) -> cj.extend.AbstractContactLaw:
-    return cj.laws.ExactRestitution(1.0 if lossless else 0.7, SOFT)
-
-
-def linked(lossless: bool = False) -> tuple[cj.Scene, cj.State]:
+def linked() -> tuple[cj.Scene, cj.State]:
     """A massless link, and a bearing that holds its journal axially."""
     ride = Ride()
     at, play = np.array([0.1, 0.2, -0.1]), 0.2e-3
@@ -72,8 +67,8 @@ def linked(lossless: bool = False) -> tuple[cj.Scene, cj.State]:
         bearing_radius=10e-3,
         clearance=play,
         journal_length=20e-3,
-        friction=None if lossless else cj.frictions.RegularisedCoulomb(0.1, 1e-2),
-        law=law(lossless),
+        friction=cj.frictions.RegularisedCoulomb(0.1, 1e-2),
+        law=LOSSY,
         axial=cj.FixedAxially(),
     )
     return ride.finished()
@@ -166,11 +161,10 @@ def cylinders() -> list[cj.extend.AbstractElasticity]:
     return [*(kind(young, 0.3, length=20e-3) for kind in kinds), laws.RavnStiffness(young, 0.3)]
 
 
-def films(lossless: bool = False) -> tuple[cj.Scene, cj.State]:
+def films() -> tuple[cj.Scene, cj.State]:
     """Every film."""
-    del lossless
     kinds = cj.films.CaponeFilm, cj.films.PinkusSternlichtFilm, cj.films.ButenschoenFilm
-    return bearings({kind.__name__: (law(False), kind(0.02)) for kind in kinds})
+    return bearings({kind.__name__: (LOSSY, kind(0.02)) for kind in kinds})
 
 
 FAMILIES = {"links": (linked, 4e-3), "films": (films, 3e-3)}
