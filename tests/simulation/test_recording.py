@@ -64,6 +64,13 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
     return {"pin": {"V": ContactRecord(contact, table)}}
 
 
+def _counted(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
+    """A record of `count` impacts whose rows are zeros."""
+    record = _record(0, room)["pin"]["V"]
+    rows = RowBuffer(record.rows.rows, jnp.asarray(count))
+    return {"pin": {"V": ContactRecord(record.contact, rows)}}
+
+
 def test_a_full_table_holds_its_rows_and_its_count_exceeds_the_capacity_if_it_is_too_short():
     assert [row[2] for row in impact_rows_of(_record(3, 3), 10.0)] == [10.0, 11.0, 12.0]
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
@@ -87,7 +94,7 @@ def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
         assert kept.impacts is not None
         rooms.append(kept.impacts)
         end = cj.RESULTS.successful
-        return module.Sampled({}, {}, 0, 0, end, 0, 0, None, _record(20, kept.impacts))
+        return module.Sampled({}, {}, 0, 0, end, 0, 0, None, _counted(20, kept.impacts))
 
     monkeypatch.setattr(module, "sampled_compiled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)

@@ -129,6 +129,7 @@ def test_chains_of_both_programs_are_alike():
         np.testing.assert_allclose(there, angles, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_rows_of_first_calls(plan):
     imported, nothing, kept = first_calls.rows(plan)
     assert 0.0 < kept.seconds < nothing.seconds and imported.seconds > 0.0

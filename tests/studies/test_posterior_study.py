@@ -4,12 +4,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from studies.posterior.__main__ import main, parse
 from studies.posterior.draws import HEAD, Row
-
-pytestmark = pytest.mark.slow
 
 
 def test_shares_of_intervals_that_contain_the_truth():

@@ -6,8 +6,6 @@ import pytest
 
 from studies.statistics.__main__ import main
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

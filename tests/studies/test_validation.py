@@ -10,8 +10,6 @@ from studies.validation.chain import double_pendulum, has
 from studies.validation.identification import LINK_GUESS, driven_link, fitted
 from studies.validation.siconos import four_bar_checks
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(scope="module")
 def checks(tmp_path_factory):

@@ -174,6 +174,7 @@ with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as 
 """
 
 
+@pytest.mark.slow
 def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     """A worker imports the script, and would begin workers of its own."""
     script = tmp_path / "script.py"
@@ -199,6 +200,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_workers_of_a_process_that_is_killed_end_too(tmp_path):
     """After the first chunk."""
     script = tmp_path / "script.py"
@@ -411,6 +413,7 @@ print(jax.numpy.zeros(1).dtype, in_force()["CLEARJOINT_NATIVE"])
 """
 
 
+@pytest.mark.slow
 def test_worker_where_jax_has_started_takes_the_settings_over():
     kept = {name: value for name, value in os.environ.items() if "JAX" not in name}
     done = subprocess.run(
