@@ -333,7 +333,10 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Add entries to another block, whose values cannot be reused outside of it."""
+        """Within the context, append operations to `block` instead.
+
+        Values that are computed there cannot be reused outside of it.
+        """
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -349,14 +352,17 @@ class Operations:
         return self.cells - cells
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Read a cell."""
+        """Read the cell `start` + `index`, or `start` without an index, as a value of a kind."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Write a value to a cell; within `masked`, only in lanes in which the condition holds."""
+        """Write a value to the cell `start` + `index`; without an index, to `start`.
+
+        Within `masked`, only lanes in which the condition holds write.
+        """
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))

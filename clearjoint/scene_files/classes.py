@@ -185,8 +185,10 @@ def constructor(kind: type, factory: str = "") -> Callable[..., object]:
 
 @cache
 def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
-    """Return what the arguments of a class's constructor, or of its static method named `factory`,
-    may be, by name."""
+    """Return the accepted values of each argument, by its name, of a class's constructor.
+
+    With `factory`, the arguments are those of the static method of this name.
+    """
     make = constructor(kind, factory)
     make = kind.__init__ if make is kind else make
     hints = _hints(make) | _hints(kind)

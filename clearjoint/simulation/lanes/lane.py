@@ -64,7 +64,7 @@ class Plan(eqx.Module):
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     def loop(self, system: System, request: "SegmentRequest") -> RunLoop:
-        """Return the loop of a lane."""
+        """Return the loop of a lane, whose recorders keep the rows that `request` asks for."""
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             SECTIONS: {
