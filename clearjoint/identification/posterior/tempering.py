@@ -260,8 +260,8 @@ def mutated(
         others = moved
         if inside.any():
             new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
-            places = np.where(inside, np.cumsum(inside) - 1, 0)
-            others = new.taken(places)
+            indices = np.where(inside, np.cumsum(inside) - 1, 0)
+            others = new.taken(indices)
         before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
         ratios = ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
@@ -288,7 +288,7 @@ class Mixture:
     """Mixture of n normal distributions.
 
     - `centres`: (n, p); `roots`: (n, p, p) lower Cholesky factors of the covariances.
-    - `weights`: (n,)
+    - `weights`: (n,), of the distributions; their sum is 1.
     """
 
     centres: Float[np.ndarray, "n p"]
@@ -322,6 +322,8 @@ class Mixture:
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
         """Return the logarithm of the density at points (m, p), up to a constant."""
+        from scipy.special import logsumexp
+
         inverse = np.linalg.inv(self.roots)
         offsets = points[:, None] - self.centres
         squares = (np.einsum("nij,mnj->mni", inverse, offsets) ** 2).sum(axis=2)
@@ -330,5 +332,4 @@ class Mixture:
                 np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
             ).sum(axis=1)
         exponents = heights - 0.5 * squares
-        largest = exponents.max(axis=1, keepdims=True)
-        return (largest + np.log(np.exp(exponents - largest).sum(axis=1, keepdims=True)))[:, 0]
+        return np.asarray(logsumexp(exponents, axis=1))
