@@ -85,6 +85,7 @@ def figure(row: Row) -> Figure:
         axes.scatter(samples[names[0]], samples[name], c=row.found[0].modes, s=8, cmap="tab10")
         axes.plot(row.case.truth[names[0]], row.case.truth[name], "k+", ms=14, label="truth")
         units = row.found[0].units
+        axes.locator_params(axis="x", nbins=4)
         axes.set(xlabel=f"{names[0]} [{units[names[0]]}]", ylabel=f"{name} [{units[name]}]")
         axes.legend()
     return drawn

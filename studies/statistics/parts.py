@@ -56,6 +56,8 @@ def ensemble(output: Output) -> list[str]:
     style.dress(right, "radial clearance, µm", "largest Lyapunov exponent,\n1/revolution")
     for axes in (left, right):
         axes.set_xscale("log")
+        axes.set_xticks([20, 50, 100, 200], ["20", "50", "100", "200"], minor=False)
+        axes.minorticks_off()
     output.save(figure, "ensemble")
     return [
         f"{float(c) * 1e6:.3g} µm: peak force {float(mean):.0f} ± {float(sd):.2g} N (deviation), "
