@@ -13,8 +13,8 @@ What a user of ready elements needs is in `clearjoint` itself.
 
 from .dynamics.coordinates import AbstractCoordinates as AbstractCoordinates
 from .dynamics.coordinates import AbstractMechanics as AbstractMechanics
+from .dynamics.formulation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.formulation import Formulation as Formulation
-from .dynamics.stabilisation import AbstractStabilisation as AbstractStabilisation
 from .dynamics.system import System as System
 from .fields.checks import checkable as checkable
 from .fields.checks import require as require
@@ -91,4 +91,4 @@ from .quantities.base import Quantity as Quantity
 from .quantities.instant import Instant as Instant
 from .result_codes import result_number as result_number
 from .result_codes import result_numbers as result_numbers
-from .simulation.reductions.reductions import AbstractReduction as AbstractReduction
+from .simulation.reductions.base import AbstractReduction as AbstractReduction

@@ -15,8 +15,8 @@ from .scene_files.urdf import JointLimits as JointLimits
 from .simulation.results.impact_table import Impacts as Impacts
 from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
 from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
-from .simulation.results.observe import MotionMode as MotionMode
-from .simulation.results.observe import Observation as Observation
+from .simulation.results.observation import MotionMode as MotionMode
+from .simulation.results.observation import Observation as Observation
 from .simulation.results.solution import Solution as Solution
 from .simulation.results.solution import Trajectory as Trajectory
 from .simulation.run.sections import Crossings as Crossings

@@ -25,8 +25,7 @@ from clearjoint import (
 from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.bristles import initial_bristles
 from clearjoint.dynamics.contact_events import uses_entry_speed
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.stabilisation import Unstabilised
+from clearjoint.dynamics.formulation import Formulation, Unstabilised
 from clearjoint.dynamics.system import System
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh

@@ -13,7 +13,7 @@ from ..model.scene import Scene
 from ..plot.labels import scaled
 from ..plot.sections import section_points
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import Observation
+from ..simulation.results.observation import Observation
 from ..simulation.results.solution import Solution
 from .endings import say
 from .folders import OUTPUTS, Folder

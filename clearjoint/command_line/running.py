@@ -15,8 +15,10 @@ from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity
 from ..quantities.instant import Instant
 from ..result_codes import RESULTS
-from ..simulation.reductions.reductions import AbstractReduction, Peak
-from ..simulation.results.observe import Observation, observe
+from ..simulation.reductions.base import AbstractReduction
+from ..simulation.reductions.quantities import Peak
+from ..simulation.results.observation import Observation
+from ..simulation.results.observe import observe
 from ..simulation.results.quantity_values import values_along
 from ..simulation.results.solution import Solution
 from ..simulation.results.state_tables import contact_label

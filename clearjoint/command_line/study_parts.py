@@ -10,16 +10,17 @@ import diffrax
 
 from .. import quantities
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.formulation import Baumgarte, Projection, Unstabilised
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
-from ..dynamics.stabilisation import Baumgarte, Projection, Unstabilised
 from ..fields.checks import require, require_count
 from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
 from ..parametrisation.scales import AbstractScale, Bounded, Linear, Log
 from ..quantities.base import AbstractQuantity
 from ..scene_files.schema import Catalogue, Schema, scene_properties
-from ..simulation.reductions import reductions, wear
-from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.reductions import joints
+from ..simulation.reductions import quantities as of_quantities
+from ..simulation.reductions.base import AbstractReduction
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
@@ -181,8 +182,8 @@ def _concrete(module: ModuleType, family: type) -> list[type]:
 
 CLASSES: tuple[type, ...] = (
     *_concrete(quantities, quantities.AbstractQuantity),
-    *_concrete(reductions, AbstractReduction),
-    *_concrete(wear, AbstractReduction),
+    *_concrete(of_quantities, AbstractReduction),
+    *_concrete(joints, AbstractReduction),
     *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded, Starts, Screening, ImpactTable),

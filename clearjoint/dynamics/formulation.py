@@ -1,12 +1,102 @@
 """Choices for the equations of motion that are not part of the scene: coordinates, stabilisation,
 solver."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import equinox as eqx
 
+from ..fields.conversion import AbstractConverting
+from ..fields.declarations import quantity
+from ..fields.types import Single
 from ..math.linear_solvers import AbstractSolver, Exact, LeastNorm
+from ..math.vectors import Scalar
 from .coordinates import AbstractCoordinates
 from .joint_coordinates.coordinates import JointCoordinates
-from .stabilisation import AbstractStabilisation, Baumgarte
+
+T = TypeVar("T")
+
+
+class AbstractStabilisation(AbstractConverting):
+    """Base class of methods that keep constraints satisfied in spite of integration errors.
+
+    A subclass overrides `target` or `corrected`:
+
+    ```python
+    import clearjoint as cj
+
+    class CriticallyDamped(cj.extend.AbstractStabilisation):
+        time_constant: float  # s
+
+        def target(self, value, rate):
+            return -2.0 * rate / self.time_constant - value / self.time_constant**2
+
+    stabilisation = CriticallyDamped(time_constant=0.01)
+    ```
+    """
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Return the second time derivative that the equations of motion impose on a constraint;
+        zero by default.
+
+        **Arguments:** `value`: Phi of the constraint, m or rad; `rate`: time derivative of Phi, m/s
+        or rad/s.
+
+        **Returns:** m/s^2 or rad/s^2.
+        """
+        del value, rate
+        return 0.0
+
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """Return corrected variables at the end of a step; by default they are unchanged.
+
+        **Arguments:** `variables`: positions and speeds in the run's coordinates; `project`:
+        function that projects positions and speeds of given variables onto the constraints.
+        """
+        del project
+        return variables
+
+
+class Unstabilised(AbstractStabilisation):
+    """No stabilisation: only second derivatives of the constraints are satisfied, which drift as
+    integration errors accumulate.
+
+    >>> drifting = cj.Unstabilised()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
+    Unstabilised()
+    """
+
+
+class Baumgarte(AbstractStabilisation):
+    """Feedback that imposes -2 alpha rate - beta^2 value on the second derivative of each
+    constraint (eq. 32; J. Baumgarte 1972).
+
+    `alpha` and `beta` are in 1/s; 5 is usual. In the paper, the dot on the first term is missing.
+
+    >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
+    >>> print(f"{feedback:.3f}")  # -beta^2 value
+    -0.025
+    """
+
+    alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
+    beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
+
+    def target(self, value: Scalar, rate: Scalar) -> Scalar:
+        """Return -2 alpha rate - beta^2 value, in m/s^2 or rad/s^2."""
+        return -2.0 * self.alpha * rate - self.beta**2 * value
+
+
+class Projection(AbstractStabilisation):
+    """Projection of positions and velocities onto the constraints at the end of each step.
+
+    >>> method = cj.Projection()
+    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=method).stabilisation
+    Projection()
+    """
+
+    def corrected(self, variables: T, project: Callable[[T], T]) -> T:
+        """Return variables whose positions and velocities are projected onto the constraints."""
+        return project(variables)
 
 
 class Formulation(eqx.Module):

@@ -20,8 +20,7 @@ from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabe
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
-from .formulation import Formulation
-from .stabilisation import Unstabilised
+from .formulation import Formulation, Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6

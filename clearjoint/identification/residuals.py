@@ -30,7 +30,7 @@ from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from ..parametrisation.variations import MadeByFunction, SeriesDelay, unchanged
 from ..quantities.base import Quantity
 from ..result_codes import RESULTS
-from ..simulation.run.derivative_runs import derivative_scheme
+from ..simulation.run.run_checks import derivative_scheme
 from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
 from ..simulation.run.sensitivities import check_outputs
 from ..simulation.step import presets

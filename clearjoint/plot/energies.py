@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib import pyplot as plt
 
-from ..simulation.results.observe import Observation
+from ..simulation.results.observation import Observation
 from .labels import fitting_unit, time_axis
 from .style import DARK, TimeSpan, draw_lines, dress, legend_above
 

@@ -10,7 +10,7 @@ from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import ContactObservation, Observation
+from ..simulation.results.observation import ContactObservation, Observation
 from . import observed
 from .labels import fitting_unit, time_axis, time_unit
 from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above

@@ -8,7 +8,7 @@ import numpy as np
 from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..fields.suggestions import nearest
-from ..simulation.results.observe import ContactObservation, Observation
+from ..simulation.results.observation import ContactObservation, Observation
 
 T = TypeVar("T")
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5

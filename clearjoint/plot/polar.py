@@ -12,7 +12,7 @@ from scipy.stats import binned_statistic
 from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observe import Observation
+from ..simulation.results.observation import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .labels import fitting_unit
 from .observed import contact, without_twins

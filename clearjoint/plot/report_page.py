@@ -18,7 +18,8 @@ from ..fields.drawn_text import literal, shown
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..quantities.base import Quantity
-from ..simulation.results.observe import Observation, observe
+from ..simulation.results.observation import Observation
+from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution, Trajectory
 from ..simulation.step.settings import Settings
 from .energies import energy_ledger

@@ -15,12 +15,10 @@ from ..math.vectors import pack
 from ..model.scene import Scene
 from ..quantities.base import require_known
 from ..quantities.instant import Instant
-from ..simulation.reductions.reductions import AbstractReduction, check_reductions
-from ..simulation.reductions.windows import Instants, Window
-from ..simulation.results.channels import Channels, check_channels, check_quantities
+from ..simulation.reductions.base import AbstractReduction, Instants, Window, check_reductions
 from ..simulation.results.state_tables import STATE_PARTS
 from ..simulation.run.saving import Saving
-from ..simulation.run.sections import Section
+from ..simulation.run.sections import Channels, Section, check_channels, check_quantities
 
 SAVED = "saved"
 """Prefix of the variables with saved states: "saved_position" is the position of all bodies."""
@@ -185,7 +183,7 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
     a name in both `outputs` and `save`.
     """
     require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
-    save.require_no_steps("in a sweep", "pass the lane's scene to simulate() for them")
+    save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
     require(not save.impacts, "impacts", True, "False in a sweep", PASS_TABLE)
     further: dict[str, Output] = {**save.sections, **save.outputs}
     if save.times is not None:

@@ -15,7 +15,7 @@ from ..math.vectors import fold_constants
 from ..model.scene import Scene
 from ..simulation.lanes.lane import Plan, impact_log
 from ..simulation.lanes.tasks import Common, Task
-from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.reductions.base import AbstractReduction
 from ..simulation.run.impact_recorder import ImpactRecorder
 from ..simulation.run.sections import Section
 from ..simulation.step.dense_output import require_dense

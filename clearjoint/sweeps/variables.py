@@ -7,7 +7,7 @@ import numpy as np
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..result_codes import result_numbers
-from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.reductions.base import AbstractReduction
 from ..simulation.results.impact_table import IMPACT_UNITS
 from ..simulation.results.state_tables import LABELS, STATE_PARTS, contact_label
 from ..simulation.run.sections import Section

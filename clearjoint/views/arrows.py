@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..simulation.results.observe import MotionMode, Observation
+from ..simulation.results.observation import MotionMode, Observation
 from . import meshes
 from .parts import FORCE, LOAD, DrawnPart, between
 from .sketching import SketchingPen

@@ -14,7 +14,8 @@ from ..fields.checks import require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.results.nonsmooth_solution import NonsmoothSolution
-from ..simulation.results.observe import MotionMode, Observation, observe
+from ..simulation.results.observation import MotionMode, Observation
+from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode
 from .meshes import Mesh, MeshLike, given_mesh

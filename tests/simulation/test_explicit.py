@@ -6,12 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from clearjoint.simulation.step.solvers import UnrolledExplicit, dense_weights, unrolled
 from clearjoint.simulation.step.time_map import FromOnset, WithinContact
-from clearjoint.simulation.step.unrolled_runge_kutta import (
-    UnrolledExplicit,
-    dense_weights,
-    unrolled,
-)
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
 Y0 = {"a": jnp.asarray(0.7), "b": jnp.asarray(-0.4)}

@@ -16,7 +16,7 @@ from clearjoint.mechanisms import STEEL
 from clearjoint.model.contact.gap import Gap
 from clearjoint.model.contact.laws import contact_normal_force
 from clearjoint.simulation.run.segments import begin, segment
-from clearjoint.simulation.step.loops import PLAIN, CheckpointedLoops, loops_for
+from clearjoint.simulation.step.loops import PLAIN, Loops, loops_for
 from clearjoint.simulation.step.method import Scheme
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
@@ -151,7 +151,7 @@ def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
 
     def after(y):
         before = eqx.tree_at(lambda s: s.y, now.step, y)
-        tried = CheckpointedLoops(1).attempt(method, system, before, jnp.asarray(1e160))
+        tried = Loops(1).attempt(method, system, before, jnp.asarray(1e160))
         return sum(jax.tree.leaves(tried.step.y.motion)), (tried.kept, tried.information["y1"])
 
     slopes, (kept, reached) = jax.jit(jax.grad(after, has_aux=True))(now.step.y)
@@ -163,7 +163,7 @@ def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
     arguments = (scheme, form, {}, now, None, jnp.asarray(1.0), jnp.asarray(9))
     plain = str(eqx.filter_make_jaxpr(segment)(*arguments)[0])
-    reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, CheckpointedLoops(1))[0])
+    reverse = str(eqx.filter_make_jaxpr(segment)(*arguments, Loops(1))[0])
     assert "custom_vjp_call" not in plain and "custom_vjp_call" in reverse
 
 
@@ -175,7 +175,7 @@ def test_other_adjoints_are_refused(adjoint):
 
 def test_the_number_of_checkpoints_is_that_of_the_adjoint():
     assert loops_for(None) is PLAIN
-    assert loops_for(diffrax.RecursiveCheckpointAdjoint(checkpoints=7)) == CheckpointedLoops(7)
+    assert loops_for(diffrax.RecursiveCheckpointAdjoint(checkpoints=7)) == Loops(7)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from clearjoint.simulation.run.impact_recorder import (
     impact_rows_of,
     most,
 )
-from clearjoint.simulation.run.row_buffer import RowBuffer
+from clearjoint.simulation.run.recorders import RowBuffer
 from clearjoint.simulation.step.contact_step import (
     ContactInstant,
     end_in_step,

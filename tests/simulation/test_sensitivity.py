@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation.run.derivative_runs import derivative_scheme
+from clearjoint.simulation.run.run_checks import derivative_scheme
 from clearjoint.simulation.run.sampling import followed
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case

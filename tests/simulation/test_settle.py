@@ -9,13 +9,7 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
-from clearjoint.simulation.run.recurrence import (
-    Strobe,
-    columns,
-    section_strobe,
-    stillness,
-    strobe_of,
-)
+from clearjoint.simulation.run.settle import Strobe, columns, section_strobe, stillness, strobe_of
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 GRAVITY = 9.81

@@ -10,7 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.math.interpolation import Parabola
-from clearjoint.simulation.reductions.windows import Window
+from clearjoint.simulation.reductions.base import Window
 from tests.support.dropped_rod import dropped_rod
 from tests.support.programs import primitives
 

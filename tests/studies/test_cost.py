@@ -8,7 +8,7 @@ import pytest
 
 from clearjoint.math.vectors import fold_constants
 from clearjoint.simulation.run.run_checks import check_start
-from clearjoint.simulation.run.run_ends import begin_run
+from clearjoint.simulation.run.run_loop import begin_run
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.stepping import attempt
 from clearjoint.simulation.step.trial_step import rates_of

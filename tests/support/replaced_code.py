@@ -7,8 +7,7 @@ from typing import NoReturn
 from unittest.mock import patch
 
 from clearjoint.dynamics import contact_forces, system
-from clearjoint.dynamics.joint_coordinates import branches
-from clearjoint.dynamics.joint_coordinates import spatial_inertia as inertia
+from clearjoint.dynamics.joint_coordinates import branches, links
 from clearjoint.dynamics.system import System
 from clearjoint.model.clearance_joints import axial, clearance, common
 from clearjoint.model.contact.friction import RegularisedCoulomb
@@ -24,7 +23,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (freedoms.Hinge, "columns"),
             (branches, "jointed_link"),
         ),
-        "link on a link": ((inertia.Inertia, "without"),),
+        "link on a link": ((links.Inertia, "without"),),
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
             (contact_forces, "contact_normal_force"),

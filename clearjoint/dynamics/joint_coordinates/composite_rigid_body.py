@@ -40,8 +40,7 @@ from ..coordinates import (
     Wrenches,
 )
 from .branches import AbstractBranch, forest
-from .links import Link
-from .spatial_inertia import Inertia, central_inertia, inertia
+from .links import Inertia, Link, central_inertia, inertia
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, and moment about the centre of mass, in the tree's axes."""

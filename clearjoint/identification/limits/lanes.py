@@ -13,7 +13,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ...parametrisation.parameter import Parameter
 from ...quantities.base import Quantity
 from ...result_codes import RESULTS, result_number
-from ...simulation.reductions.reductions import AbstractReduction, Peak
+from ...simulation.reductions.base import AbstractReduction
+from ...simulation.reductions.quantities import Peak
 from ...sweeps.axes import Axis
 
 if TYPE_CHECKING:

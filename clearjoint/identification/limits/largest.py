@@ -19,7 +19,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import PASS_PARAMETERS, Parameter
 from ...quantities.base import Quantity, check_quantity
-from ...simulation.reductions.reductions import AbstractReduction
+from ...simulation.reductions.base import AbstractReduction
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
 from ...sweeps.axes import Axis

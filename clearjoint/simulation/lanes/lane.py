@@ -26,13 +26,11 @@ from ...math.vectors import Condition, EulerParameters, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...result_codes import RESULTS
-from ..reductions.reductions import AbstractReduction
+from ..reductions.base import AbstractReduction
 from ..results.state_tables import contact_label
 from ..run.impact_recorder import ROWS, ImpactRecorder
-from ..run.recorders import LatestDenseStep, ReductionRecorder
-from ..run.row_buffer import RowBuffer
-from ..run.run_ends import begin_run, final_result, final_state
-from ..run.run_loop import Progress, Recorders, RunLoop
+from ..run.recorders import LatestDenseStep, ReductionRecorder, RowBuffer
+from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
 from ..run.sections import Crossing, SectionRecorder
 from ..run.segments import IMPACTS, LATEST, REDUCTIONS, SECTIONS
 from ..step.dense_output import Snapshot, on_constraints

@@ -12,7 +12,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
 from ..run.impact_recorder import ImpactRow
-from ..run.row_buffer import RowBuffer
+from ..run.recorders import RowBuffer
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import Lane, Plan

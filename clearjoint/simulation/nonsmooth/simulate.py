@@ -24,7 +24,7 @@ from ..run.run_checks import (
     in_domain,
     is_traced,
 )
-from ..run.saving import Saving, saving_or_nothing
+from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from ..step.spans import check_span
 from .restitution import require_restitution
 from .run import RigidOutcome, run_compiled
@@ -90,7 +90,7 @@ def simulate_nonsmooth(
     check_precision(False)
     scene, state = with_arrays((scene, state))
     save = saving_or_nothing(save)
-    save.require_times_alone("of a run with rigid contacts", "take simulate() for it")
+    save.require_none(EXCEPT_TIMES, "of a run with rigid contacts", "take simulate() for it")
     require_restitution(scene, restitution)
     coordinates = JointCoordinates() if coordinates is None else coordinates
     traced = is_traced((scene, state, end_time, start_time, step, restitution))

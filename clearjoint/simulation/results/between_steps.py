@@ -1,8 +1,8 @@
-"""States inside accepted steps by cubic Hermite interpolation.
+"""States inside accepted steps of a run, by cubic Hermite interpolation between the steps' ends.
 
-A state contains positions and their rates, the velocities, so that the interpolation needs neither
-the solver nor the equations of motion. In a step of length h the error of a position is h^4/384
-times its fourth derivative, far below the clearances. Free flight under gravity is exact.
+The state at the end of a step contains positions and velocities, so that the interpolation needs
+neither the solver nor the equations of motion. In a step of length h, the error of a position is
+h^4/384 times its fourth derivative, far below the clearances. Free flight under gravity is exact.
 """
 
 # Hermite's polynomials are declared for scalars; they are elementwise in arrays.
@@ -17,11 +17,11 @@ from ...model.bodies import BodyState, State
 from ..step.spans import checked_times
 
 FINEST = 16
-"""Number of parts into which the most curved step is divided for drawing. The distance of a path
-from its chord falls with the square of this number, to 1/256."""
+"""Number of parts into which the most curved step is divided for drawing. Dividing a step into n
+parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within a part of a step, rad. The chord of a circle's arc of this
-angle is at most 3e-4 of the radius away from the arc."""
+"""Largest rotation of a body within one part of a step, rad. The chord of an arc of this angle is
+nowhere farther from the arc than 3e-4 of its radius."""
 MOST = 64
 """Largest number of parts into which a step is divided."""
 
@@ -31,21 +31,24 @@ Rows = Int[np.ndarray, " M"]
 
 
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
-    """Return times in s at which states, joined by straight lines, look like a smooth curve.
+    """Choose times in s such that the states at these times, joined by straight lines, look like a
+    smooth curve.
 
-    They are the ends of all steps, and equidistant times inside each step whose motion is curved.
+    The result contains the ends of all steps, and equidistant times inside each step in which a
+    body moves along a curve or rotates.
 
     **Arguments:** `times`: (N,) s, the ends of the steps; `states`: the N states at these times.
     """
     lengths = np.diff(times)
-    # `bend`: m, length times change of velocity: 8 times the distance of a parabola from its chord.
+    # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
+    # 8 times the largest distance between curve and chord.
     bend, rotation = np.zeros(len(lengths)), np.zeros(len(lengths))
     for body in states.bodies.values():
         change = np.linalg.norm(np.diff(body.velocity, axis=0), axis=1)
         bend = np.maximum(bend, lengths * change)
         rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
-    # The distance from the chord falls with the square of the number of parts: hence the root.
+    # n parts reduce the distance from the chord by n^2, so the number of parts grows with its root.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
     part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -56,13 +59,16 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Return the interpolated states at the times `wanted`, with M in front of each array.
+    """Interpolate the states at M times `wanted` from those at the ends of the steps.
 
-    Motions of bodies are interpolated by cubic Hermite polynomials, deflections of bristles and
-    integrals of the energy ledger linearly. Entry speeds keep their values at the step's start.
+    Motions of bodies are interpolated by cubic Hermite polynomials. Deflections of bristles and
+    integrals of the energy ledger are interpolated linearly. Entry speeds of contacts keep their
+    values at the start of the step.
 
     **Arguments:** `times`: (N,) s, rising, N ≥ 2, the ends of the steps; `states`: the N states at
     these times; `wanted`: (M,) s, between the first and the last of `times`.
+
+    **Returns:** a state whose arrays have a first axis of length M.
 
     **Raises:** `ValueError` for times outside this range.
     """
@@ -85,10 +91,11 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
-    """Return the states of a body at M instants inside steps.
+    """Return the states of one body at M instants inside steps.
 
-    **Arguments:** `left`: (M,), the row of `body` at which each instant's step begins; `x`: (M, 1),
-    the fraction of the step before the instant, 0 to 1; `h`: (M, 1) s, the length of the step.
+    **Arguments:** `body`: the states at the ends of all steps; `left`: (M,), for each instant the
+    row of `body` at which its step begins; `x`: (M, 1), the part of the step's time before the
+    instant, 0 to 1; `h`: (M, 1) s, the length of the step.
     """
     positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
     ends = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
@@ -109,9 +116,10 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cubic Hermite interpolants and their time derivatives, (M, components) each.
 
-    For a step of length zero they are the value and the rate at the start.
+    For a step of length zero they are the value and the rate at its start.
 
-    **Arguments:** `start`, `end`: values and rates at the ends of M steps; `x`, `h`: as of `_body`.
+    **Arguments:** `start`, `end`: values and rates at the ends of M steps, (M, components) each;
+    `x`, `h`: as of `_body`.
     """
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)

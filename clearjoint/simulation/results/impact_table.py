@@ -1,4 +1,4 @@
-"""The table of the impacts of a run."""
+"""Table of the impacts of a run, and a check of their depths against the ranges of contact laws."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -8,12 +8,14 @@ import numpy as np
 
 from ...export.labelled import Labelled, labelled_dataset, texts
 from ...export.tabular import AbstractTabular
+from ...model.contact.gap import exceeded
+from ...model.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
 
 NAMED = "joint", "contact"
-"""Columns of `Impacts` that contain names."""
+"""Columns of `Impacts` that contain names instead of numbers."""
 IMPACT_UNITS = {
     "onset": "s",
     "separation": "s",
@@ -24,7 +26,7 @@ IMPACT_UNITS = {
     "peak_time": "s",
     "largest_penetration": "m",
 }
-"""Units of the columns of `Impacts` that contain numbers, by column."""
+"""Unit of each column of `Impacts` that contains numbers."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,9 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """Return the table of impacts that are given as rows, in any order of the rows.
+        """Return the table made of `rows`, one tuple for each impact in any order.
 
-        **Arguments:** `rows`: tuples with a value for each field, in the order of the fields.
+        A tuple has one value for each field of `Impacts`, in the order of the fields.
         """
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
@@ -103,9 +105,36 @@ class Impacts(AbstractTabular):
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
-        """Return the table of the impacts with `after` <= onset < `until`, in s.
+        """Return the table of those impacts whose onset t, s, satisfies `after` <= t < `until`.
 
         For example, ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)``.
         """
         chosen = (self.onset >= after) & (self.onset < until)
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+
+def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
+    """Report contacts that were deeper than the range of validity of their contact law.
+
+    **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
+
+    **Returns:** one sentence for each exceeded limit, with the joint, the contact, the law, the
+    limit and the largest penetration; an empty list if all contacts stayed within the ranges.
+
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))
+    >>> names = np.array(["shoulder"]), np.array(["V"])
+    >>> depth = np.array([0.4e-3])  # of 0.5 mm of clearance
+    >>> impacts = cj.results.Impacts(*names, *[np.zeros(1)] * 7, depth)
+    >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
+    Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
+    """
+    sentences = []
+    for name, joint in scene.contact_joints().items():
+        for label in joint.laws():
+            depths = impacts.of(name, label).largest_penetration
+            if len(depths):
+                limits = joint.law_limits(label, float(depths.max()))
+                where = f"Contact {label!r} of joint {name!r}: "
+                sentences += [where + text for text in exceeded(limits, "penetration")]
+    return sentences

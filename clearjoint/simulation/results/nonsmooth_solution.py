@@ -1,4 +1,4 @@
-"""Solution of a run with rigid contacts (`simulate_nonsmooth`)."""
+"""Result of `simulate_nonsmooth`, a run with rigid contacts, whose impacts have no duration."""
 
 from typing import TYPE_CHECKING
 
@@ -31,12 +31,12 @@ TOTAL_UNITS = {
 
 
 class ContactTotals(AbstractReadable):
-    """Sums and extremes of a rigid contact since the start of the run.
+    """Sums and extreme values of one rigid contact since the start of the run.
 
-    Each field is a number, or an array (N,) in the `history` at N times.
+    Each field is a number; in `NonsmoothSolution.history`, with N times, it is an array (N,).
 
-    - `impacts`: number of steps with a normal impulse that follow a step without one. A rolling
-      contact may hop, and each hop counts.
+    - `impacts`: number of impacts, which are steps with a normal impulse after a step without one.
+      A rolling contact may hop, and each hop counts.
     - `impulse`: N s, sum of the normal impulses. There is no peak force, since an impact has no
       duration.
     - `dissipated`: J, energy dissipated by restitution and friction.
@@ -59,25 +59,26 @@ class ContactTotals(AbstractReadable):
 
 
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
-    """The outcome of `clearjoint.simulate_nonsmooth`.
+    """Result of `clearjoint.simulate_nonsmooth`.
 
     - `time`, `final`: the time in s at which the run ended, and the `State` at that time.
     - `result`: the `RESULTS` code.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
-    - `history[joint][contact]`: the `ContactTotals` from the start up to each of these times, (N,)
-      each; ``None`` if no times were requested.
+    - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
+      times; ``None`` if no times were requested.
     - `saved_count`: number of requested times that the run reached. Later rows of `saved` and
       `history` repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions in a step, relative to the largest
-      contact velocity of that step.
+    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
+      pulling impulse, Coulomb's law) in a step, relative to the largest contact velocity of that
+      step.
     - `formulation`: coordinates and other choices of the equations of motion.
-    - `redundant_constraints`: names of constraint rows that depend linearly on others.
+    - `redundant_constraints`: names of constraint equations that depend linearly on others.
 
-    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes then have no
-    meaning. `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the
-    history.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the history.
+    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes are then
+    meaningless.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -98,7 +99,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return text: result, number of steps, impacts of each joint, final state of bodies."""
+        """Return text with the result, the number of steps, the impacts of each joint, and the
+        final state of the bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]
@@ -127,15 +129,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
             for joint, family in self.history.items()
             for contact, totals in family.items()
         }
-        dims = "time", RIGID
-        totals = {
-            name: (dims, np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1))
-            for name in TOTAL_UNITS
-            if contacts
-        }
-        for name, (_, values) in totals.items():
-            found[name] = (dims, values, {"units": TOTAL_UNITS[name]})
-        found = found.assign_coords({RIGID: list(contacts)}) if contacts else found
+        if contacts:
+            for name, unit in TOTAL_UNITS.items():
+                values = np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1)
+                found[name] = ("time", RIGID), values, {"units": unit}
+            found = found.assign_coords({RIGID: list(contacts)})
         notes = {
             "title": "motion of a mechanism with rigid contacts",
             "result": RESULTS[self.result],

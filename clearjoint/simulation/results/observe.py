@@ -1,15 +1,13 @@
-"""Contacts, reactions, accelerations, constraint drift and energies, computed from a solution."""
+"""Compute contacts, reactions, accelerations, drift and energies from the states of a solution."""
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
 from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.bristles import initial_bristles
@@ -18,8 +16,7 @@ from ...dynamics.equations_of_motion import Dynamics
 from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
-from ...export.tabular import AbstractTabular
-from ...fields.checks import as_shown, require
+from ...fields.checks import require
 from ...fields.conversion import with_arrays
 from ...math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
@@ -27,145 +24,13 @@ from ...model.clearance_joints.journal_bases import BASES, HasJournal
 from ...model.scene import Scene
 from ...native import Native, over_rows
 from ..step.types import Integers, Numbers, Vectors
-from .motion_modes import MotionMode
 from .nonsmooth_solution import NonsmoothSolution
-from .observation_tables import Observed, observation_dataset
+from .observation import AccelerationSeries, ContactObservation, Load, MotionMode, Observation
 from .solution import Solution, Trajectory
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Number of states that one call of the compiled program observes."""
-
-
-class ContactObservation(eqx.Module):
-    """One contact of a clearance joint at N times.
-
-    - `penetration`: (N,) m, negative where the surfaces are apart (eq. 13).
-    - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m (eq. 11). ``None`` for contacts that aren't bases of a journal.
-    - `offset`: (N, 3) m, the centre of the base in the frame of the bearing: two components across
-      the bearing's axis, then the one along it. ``None`` for contacts that aren't bases.
-    - `normal_force`: (N,) N, magnitude.
-    - `friction_force`: (N, 3) N, on the journal, global. ``None`` for contacts without friction.
-    - `normal`: (N, 3), unit vector from the bearing's axis to the contact, global.
-    - `point_on_bearing`, `point_on_journal`: (N, 3) m, points of the two surfaces, global.
-    """
-
-    penetration: Numbers
-    penetration_rate: Numbers
-    eccentricity: Numbers | None
-    offset: Vectors | None
-    normal_force: Numbers
-    friction_force: Vectors | None
-    normal: Vectors
-    point_on_bearing: Vectors
-    point_on_journal: Vectors
-
-
-class Load(eqx.Module):
-    """Reaction of an ideal joint on one of its bodies at N times.
-
-    - `force`: (N, 3) N, global.
-    - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
-    """
-
-    force: Vectors
-    moment: Vectors
-
-
-class AccelerationSeries(eqx.Module):
-    """Acceleration of a body at N times.
-
-    - `linear`: (N, 3) m/s^2, of the centre of mass, global.
-    - `angular`: (N, 3) rad/s^2, time derivative of the spin, in body axes.
-    """
-
-    linear: Vectors
-    angular: Vectors
-
-
-class Observation(eqx.Module, AbstractTabular):
-    """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
-
-    Keys are the names of the scene's joints and bodies, and the labels of contacts, such as "V".
-
-    - `times`: (N,) s.
-    - `contacts[joint][contact]`: a `ContactObservation`.
-    - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `Load` of an ideal joint on a body (eq. 31).
-    - `reactions_unique`: whether no constraints are redundant. Otherwise the reactions are not
-      unique, and those of least norm are given.
-    - `accelerations[body]`: an `AccelerationSeries`.
-    - `drift[joint]`: (N,), largest magnitude of the joint's constraint rows, in m, or 1 for rows
-      that constrain directions. It is zero for an exact solution.
-    - `drift_rate[joint]`: (N,), largest magnitude of the time derivatives of these rows.
-    - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
-      where the scene has them; "mechanical" is their sum. If the run kept the energy ledger, there
-      are its integrals since the start too: "normal damping", "friction", "film" and
-      "stabilisation", dissipated, and "supplied". The elastic energy of bristles is not part of
-      "friction".
-
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
-
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
-    >>> observed = cj.observe(scene, solution)
-    >>> list(observed.energies)
-    ['contacts', 'gravity', 'kinetic', 'mechanical']
-    """
-
-    times: Numbers
-    contacts: dict[str, dict[str, ContactObservation]]
-    modes: dict[str, Integers]
-    reactions: dict[str, dict[str, Load]]
-    accelerations: dict[str, AccelerationSeries]
-    drift: dict[str, Numbers]
-    drift_rate: dict[str, Numbers]
-    energies: dict[str, Numbers]
-    reactions_unique: bool = eqx.field(static=True)
-
-    def __repr__(self) -> str:
-        """Return text: the number of times, the first and last time, and the names of elements."""
-        if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
-            return eqx.tree_pformat(self)
-        first, last = as_shown(np.asarray(self.times)[[0, -1]])
-        lines = [f"Observation at {len(self.times)} instants from {first} s to {last} s"]
-        for name in ("contacts", "reactions", "accelerations", "drift", "energies"):
-            if part := getattr(self, name):
-                lines.append(f"{name}: {', '.join(map(repr, part))}")
-        return "\n  ".join(lines)
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Return the observation as an `xarray.Dataset` with units.
-
-        All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
-        The second dimension is
-
-        - "contact", with labels such as "pin V", for `penetration`, `normal_force` and the other
-          fields of `ContactObservation`. A contact without such a field has NaN there;
-        - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
-        - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
-        - "body" for `acceleration` and `angular_acceleration`;
-        - "energy_term" for `energy`.
-
-        See `AbstractTabular` for the export to other formats.
-        """
-        parts = {part.name: getattr(self, part.name) for part in fields(self)}
-        return observation_dataset(Observed(**parts))
-
-    def ledger_residual(self) -> Numbers:
-        """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
-
-        It is the mechanical plus the dissipated less the supplied energy, less the value of this
-        sum at the first time. An exact solution of a run with the ledger has zero.
-        """
-        losses = ("normal damping", "friction", "film", "stabilisation")
-        dissipated = sum(self.energies.get(name, 0.0) for name in losses)
-        balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
-        return balance - balance[0]
+"""Number of states for which one call of a compiled program computes results."""
 
 
 def observe(
@@ -175,9 +40,10 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    The equations of motion are solved again at each state, always in absolute coordinates. In these
-    every ideal joint has Lagrange multipliers, from which its reactions follow, also a joint that
-    the coordinates of the run eliminated. So redundant reactions don't depend on those coordinates.
+    The equations of motion are solved again at each state, always in absolute coordinates. There
+    every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
+    if the run used coordinates that need no equations for this joint. Therefore the reactions of
+    redundant joints do not depend on the coordinates of the run.
 
     **Arguments:**
 
@@ -208,8 +74,7 @@ def observe(
         "pass save=Saving(times) or Saving(steps=True) to simulate()",
     )
     assert trajectory is not None
-    used, states = solution.formulation, trajectory.states
-    absolute = Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
+    absolute, states = absolute_formulation(solution), trajectory.states
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
     # run (`work`), so it is left out here and its entries are added at the end.
     times_and_states = (
@@ -230,6 +95,13 @@ def observe(
     return replace(observation, energies={**observation.energies, **integrals})
 
 
+def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
+    """Return the formulation of the equations of motion that a solution was computed with, but in
+    absolute coordinates and without an energy ledger."""
+    used = solution.formulation
+    return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
+
+
 def in_chunks(
     look: Callable[[tuple[np.ndarray, State]], Parts], rows: tuple[np.ndarray, State]
 ) -> Parts:
@@ -245,16 +117,16 @@ def in_chunks(
     **Returns:** the results of all calls as NumPy arrays, joined to a first axis of length N.
     """
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
+
+    def chunk(rows: np.ndarray, first: int) -> np.ndarray:
+        # Repeats rows to fill up the last chunk; makes zeros if there is no row at all.
+        return np.resize(rows[first : first + CHUNK], (CHUNK, *rows.shape[1:]))
+
     parts = []
     for first in range(0, max(count, 1), CHUNK):
-        part = jax.tree.map(lambda leaf, k=first: _filled(leaf[k : k + CHUNK]), rows)
+        part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
         parts.append(jax.device_get(look(part)))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
-
-
-def _filled(rows: np.ndarray) -> np.ndarray:
-    """Return an array of `CHUNK` rows: the given rows, repeated as needed, or zeros without any."""
-    return np.resize(rows, (CHUNK, *rows.shape[1:]))
 
 
 @partial(Native, warns=False)
@@ -263,9 +135,9 @@ def observe_compiled(
 ) -> Observation:
     """Return the observation at given times and states, without the integrals of the energy ledger.
 
-    **Arguments:** `absolute`: the formulation in absolute coordinates; `unique`: the value of
-    `Observation.reactions_unique`; `times`: (N,) s; `states`: in packed form, leaves with a first
-    axis of length N.
+    **Arguments:** `folded_scene`: the scene; `absolute`: the formulation in absolute coordinates;
+    `unique`: the value of `Observation.reactions_unique`; `times`: (N,) s; `states`: the states,
+    with vectors as arrays (N, 3).
     """
     scene = unpack(folded_scene)
     system = System(scene, absolute)
@@ -303,69 +175,76 @@ def observe_compiled(
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
+    """Return all contacts at one instant, by joint and label, for solved equations of motion."""
     observations: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
         joint = scene.contact_joints()[name]
-        first, second = joint.pair()
+        first, second = (dynamics.motions[body] for body in joint.pair())
         observations[name] = {}
         for label, force in family.items():
-            gap = force.contact.gap
+            contact = force.contact
             eccentricity = offset = None
             if isinstance(joint, HasJournal) and label in BASES:
-                eccentricity = gap.depth + joint.clearance
+                eccentricity = contact.gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
             observations[name][label] = ContactObservation(
-                penetration=gap.depth,
-                penetration_rate=gap.rate,
+                penetration=contact.gap.depth,
+                penetration_rate=contact.gap.rate,
                 eccentricity=eccentricity,
                 offset=offset,
                 normal_force=force.normal_force,
                 friction_force=None if force.friction is None else pack(force.friction),
-                normal=pack(force.contact.normal),
-                point_on_bearing=pack(dynamics.motions[first].point(force.contact.arm_first)),
-                point_on_journal=pack(dynamics.motions[second].point(force.contact.arm_second)),
+                normal=pack(contact.normal),
+                point_on_bearing=pack(first.point(contact.arm_first)),
+                point_on_journal=pack(second.point(contact.arm_second)),
             )
     return observations
 
 
 def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
+    """Return the `MotionMode` of each journal at one instant, by joint."""
     modes = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
-            touching = (v.gap.depth > 0.0, w.gap.depth > 0.0)
-            # Equal sides of the wall: the journal lies on a line; opposite sides: it is tilted.
+            touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
+            # Normals in about the same direction: the journal lies on the wall along a line.
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
-            one = jnp.where(touching[0] | touching[1], MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
-            modes[name] = jnp.where(touching[0] & touching[1], both, one)
+            one = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touches_v & touches_w, both, one)
     return modes
 
 
 def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
+    """Return the reaction of each ideal joint on each body at one instant, by joint and body."""
     reactions: dict[str, dict[str, Load]] = {}
     for name, rows in dynamics.rows.items():
         total: dict[str, Wrench] = {}
         for label, row in rows.items():
             multiplier = dynamics.multipliers[name][label]
-            # A row's Jacobian is the wrench on each body for a multiplier of 1.
+            # A constraint's Jacobian is the wrench on each body for a multiplier of 1.
             for body, pair in row.jacobian.items():
                 if body != GROUND:
                     scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)
                     total[body] = total.get(body, NO_WRENCH) + scaled
         reactions[name] = {
-            body: Load(_dense(wrench.force), _dense(wrench.moment))
+            body: Load(_array(wrench.force), _array(wrench.moment))
             for body, wrench in total.items()
         }
     return reactions
 
 
-def _dense(vector: Vector) -> Vectors:
+def _array(vector: Vector) -> Vectors:
+    """Return a vector as an array (3,) of floats; its components may be Python numbers."""
     return jnp.stack([jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z)])
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
+    """Return the largest magnitude of each joint's constraint equations, and of their rates, by
+    joint."""
+
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
 

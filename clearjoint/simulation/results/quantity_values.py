@@ -1,11 +1,14 @@
-"""Values and time derivatives of a quantity at the states of a trajectory."""
+"""Values and time derivatives of a quantity at the states of a trajectory.
+
+A quantity is a function of an `Instant`, such as the position of a body or the force of a contact.
+"""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...dynamics.absolute_coordinates import AbsoluteCoordinates
 from ...dynamics.bristles import initial_bristles
+from ...dynamics.coordinates import MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...fields.conversion import with_arrays
@@ -16,7 +19,7 @@ from ...native import Native, over_rows
 from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
 from ..step.types import Numbers
-from .observe import in_chunks
+from .observe import absolute_formulation, in_chunks
 from .solution import Solution, Trajectory
 
 
@@ -30,32 +33,35 @@ def values_along(
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
-    folded_scene, absolute, rows = _prepared(scene, solution, quantity, trajectory)
-    return in_chunks(lambda part: values_compiled(folded_scene, absolute, quantity, *part), rows)
+    return _along(values_compiled, scene, solution, quantity, trajectory)
 
 
 def rates_along(
     scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
 ) -> np.ndarray:
-    """Return the time derivatives of a quantity at N states, (N,), in its unit per s.
+    """Return the time derivatives of a quantity at the N states of a trajectory, (N,), in its unit
+    per s.
 
-    They are total derivatives along the motion: by the chain rule through time, positions and
-    velocities. Entry speeds and bristles count as constant.
+    They are total derivatives along the motion, by the chain rule through time, positions and
+    velocities. Entry speeds of contacts and deflections of bristles count as constant.
 
     **Arguments**, **Raises:** as of `values_along`.
     """
-    folded_scene, absolute, rows = _prepared(scene, solution, quantity, trajectory)
-    return in_chunks(lambda part: rates_compiled(folded_scene, absolute, quantity, *part), rows)
+    return _along(rates_compiled, scene, solution, quantity, trajectory)
 
 
-def _prepared(
-    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
-) -> tuple[ConstantFolded, Formulation, tuple[np.ndarray, State]]:
+def _along(
+    program: Native[..., Numbers],
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    trajectory: Trajectory,
+) -> np.ndarray:
+    """Return the results of `program`, one of the compiled functions below, at all states, (N,)."""
     check_quantity("quantity", quantity, scene)
-    ran = solution.formulation
-    absolute = Formulation(AbsoluteCoordinates(), ran.stabilisation, ran.redundant)
+    fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity
     rows = np.asarray(trajectory.times), trajectory.states
-    return fold_constants(with_arrays(scene)), absolute, rows
+    return np.asarray(in_chunks(lambda part: program(*fixed, *part), rows))
 
 
 @Native
@@ -66,11 +72,14 @@ def values_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the values of a quantity, (N,), at times, (N,) s, and N states in packed form."""
+    """Return the values of a quantity, (N,), at times, (N,) s, and N states.
+
+    The states have vectors as arrays (N, 3); `absolute` is a formulation in absolute coordinates.
+    """
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
-        return _KnownState(system, state).value(quantity, t, system.encode(unpack(state.bodies)))
+        return _value(system, quantity, t, system.encode(unpack(state.bodies)), state)
 
     return over_rows(at, times, states)
 
@@ -83,38 +92,32 @@ def rates_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the time derivatives of a quantity, (N,), at times, (N,) s, and N states.
-
-    The derivatives are those of `rates_along`. Vectors and Euler parameters of the states are
-    arrays, (N, 3) and (N, 4).
-    """
+    """Return the time derivatives of a quantity, (N,), as in `rates_along`; the arguments are those
+    of `values_compiled`."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
-        known = _KnownState(system, state)
         variables = system.encode(unpack(state.bodies))
-        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=known.bristles)
+        bristles = initial_bristles(system.scene, unpack(state.bristles))
+        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
         t, variables, rates = jax.tree.map(
             lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
         )
         along = jnp.ones(()), rates
-        return jax.jvp(lambda *x: known.value(quantity, *x), (t, variables), along)[1]
+        point = t, variables
+        return jax.jvp(lambda t, y: _value(system, quantity, t, y, state), point, along)[1]
 
     return over_rows(at, times, states)
 
 
-class _KnownState:
-    """Entry speeds, work and bristles of a state; the variables of a motion lack them."""
+def _value(
+    system: System, quantity: Quantity, t: Scalar, variables: MotionVariables, state: State
+) -> Numbers:
+    """Return the value of a quantity at one time t, s.
 
-    def __init__(self, system: System, state: State):
-        self._system, self._entry_speeds, self._work = (
-            system,
-            state.entry_speeds,
-            unpack(state.work),
-        )
-        self.bristles = initial_bristles(system.scene, unpack(state.bristles))
-
-    def value(self, quantity: Quantity, t: Scalar, variables: jax.Array) -> Numbers:
-        """Return the value of a quantity for a time t, s, and the variables of a motion at t."""
-        now = Instant(self._system, t, variables, self._entry_speeds, self._work, self.bristles)
-        return jnp.asarray(quantity(now), dtype=float)
+    **Arguments:** `variables`: positions and speeds at t; `state`: the state at t, of which entry
+    speeds, bristles and the energy ledger are used.
+    """
+    bristles = initial_bristles(system.scene, unpack(state.bristles))
+    now = Instant(system, t, variables, state.entry_speeds, unpack(state.work), bristles)
+    return jnp.asarray(quantity(now), dtype=float)

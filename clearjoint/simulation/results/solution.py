@@ -1,4 +1,4 @@
-"""Solution of a run: trajectories, result code and tables."""
+"""Results of runs: the trajectory, the solution, and the error of a run that failed."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -53,15 +53,15 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return self.times.shape[0]
 
     def between(self, times: ArrayLike | None = None) -> "Trajectory":
-        """Interpolate the states between the ends of the accepted steps, to draw smooth curves.
+        """Interpolate the states between the ends of accepted steps, to draw smooth curves.
 
-        The interpolation is cubic Hermite in each step, and its error is far below the clearances.
-        Call it on `solution.steps` only: between two saved states there may be impacts, across
-        which no interpolation is valid.
+        The interpolation is a cubic Hermite polynomial in each step, and its error is far below the
+        clearances. It is valid for `solution.steps` only, since between two saved states there may
+        be impacts, across which positions are not smooth.
 
         **Arguments:** `times`: (M,) s, rising, between the first and the last time of the
         trajectory. By default, the ends of all steps, and further times inside those steps in which
-        a body turns or moves along a curve.
+        a body rotates or moves along a curve.
 
         **Returns:** a `Trajectory` of M times and states.
 
@@ -105,25 +105,26 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
 
 class Solution(AbstractReadable, AbstractTabular):
-    """The outcome of `clearjoint.simulate`.
+    """Result of `clearjoint.simulate`.
 
     - `saved`: the `Trajectory` at those requested times that the run reached (all of them if it
-      succeeded), or ``None`` if `Saving.times` was not given. Under a JAX transformation its arrays
-      have a row for every requested time, and only the first `saved_count` rows are valid.
+      succeeded); ``None`` if no times were requested by `Saving.times`. Under a JAX transformation
+      its arrays have a row for every requested time, and only the first `saved_count` rows are
+      valid.
     - `saved_count`: number of requested times that the run reached, or ``None`` without `saved`.
     - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
       run can start from them.
-    - `result`: the `RESULTS` code.
+    - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `steps`: the `Trajectory` of the start and the end of every accepted step, or ``None`` unless
+    - `steps`: the `Trajectory` of the start and the end of every accepted step; ``None`` unless
       requested.
-    - `impacts`: the table of all finished contacts, or ``None`` unless requested.
-    - `sections[name]`: the `Crossings` of each requested section.
+    - `impacts`: the table of all finished contacts; ``None`` unless requested.
+    - `sections[name]`: the `Crossings` of each requested Poincaré section.
     - `outputs[name]`: the result of each requested reduction, a number. A reduction with several
       results has further entries "name_part", such as "force_time" of a `Peak` named "force".
     - `formulation`: coordinates, stabilisation and ledger of the equations of motion.
-    - `redundant_constraints`: names of constraint rows that depend linearly on others. If there are
-      any, the reactions are not unique, and those of least norm are computed.
+    - `redundant_constraints`: names of constraint equations that depend linearly on others. If
+      there are any, the reactions are not unique, and those of least norm are computed.
     - `settings`: the settings of the run, as pairs of a name and a text or number.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
@@ -150,15 +151,14 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """Return text: result, numbers of steps and of saved rows, and final state of bodies."""
+        """Return text with the result, the numbers of steps and saved states, and the final state
+        of the bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]
-        lines += [
-            f"{name}: {kept}"
-            for name, kept in (("saved", self.saved), ("steps", self.steps))
-            if kept is not None
-        ]
+        for name, kept in (("saved", self.saved), ("steps", self.steps)):
+            if kept is not None:
+                lines.append(f"{name}: {kept}")
         if self.impacts is not None:
             lines.append(f"impacts: {len(self.impacts)}")
         if self.sections:
@@ -167,7 +167,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def times(self) -> Numbers:
-        """The requested times that the run reached, (N,) s: `saved.times`.
+        """The N requested times that the run reached, (N,) s; short for `saved.times`.
 
         **Raises:** `AttributeError` if no times were requested.
         """
@@ -175,7 +175,8 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def states(self) -> State:
-        """The `State` at each of the N `times`: `saved.states`, with N in front of each array.
+        """The `State` at the N `times`, whose arrays have a first axis of length N; short for
+        `saved.states`.
 
         **Raises:** `AttributeError` if no times were requested.
         """
@@ -206,11 +207,7 @@ class Solution(AbstractReadable, AbstractTabular):
         found = self.saved.to_xarray()
         final = state_arrays(self.final, (), "final_")
         reached = labelled_dataset("state reached", final, state_labels(self.final))
-        return found.merge(reached).assign_attrs(self._notes())
-
-    def _notes(self) -> dict[str, str | int | float]:
-        """Return the attributes of the dataset by name: result, counts and settings."""
-        return {
+        notes = {
             "title": "motion of a mechanism",
             "result": RESULTS[self.result],
             "time_reached": float(self.time),
@@ -219,6 +216,7 @@ class Solution(AbstractReadable, AbstractTabular):
             "redundant_constraints": ", ".join(self.redundant_constraints) or "none",
             **dict(self.settings),
         }
+        return found.merge(reached).assign_attrs(notes)
 
     def _requested(self) -> Trajectory:
         if self.saved is None:
@@ -227,7 +225,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
 
 class FinishedRun(Protocol):
-    """The outcome of any run: an object with the end time and the result code."""
+    """Type of the result of any kind of run: an object with the end time and the result code."""
 
     @property
     def time(self) -> Scalar:
@@ -236,14 +234,16 @@ class FinishedRun(Protocol):
 
     @property
     def result(self) -> RESULTS:
-        """The `RESULTS` code, which says how the run ended."""
+        """The `RESULTS` code, which says whether the run succeeded or why it failed."""
         ...
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Check whether the leaves of a tree have no single known values, so that text can't show them.
+    """Return whether the leaves of a PyTree have no single known values, so that text cannot show
+    them.
 
-    This is so while JAX traces them, and after `jax.vmap`, when the tree's `time` is an array.
+    This is so while JAX traces them, and after `jax.vmap`, when the tree's field `time` is an
+    array.
     """
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
@@ -252,11 +252,15 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text of a run's result, one item a line.
+    """Return the text that `repr` shows for the result of a run, one item a line.
 
-    The first line has the type of `run`, its end time in s and its result. The given `lines`
-    follow, then the `redundant` constraints if there are any, and the final position in m and
-    velocity in m/s (global) of the first `SHOWN_BODIES` bodies.
+    **Arguments:**
+
+    - `run`: the result; the first line has its type, its end time in s and its result code.
+    - `final`: the state at the end; the last lines have position in m and velocity in m/s, both in
+      global axes, of the first `SHOWN_BODIES` bodies.
+    - `redundant`: names of redundant constraints, listed if there are any.
+    - `lines`: further lines, which follow the first one.
     """
     if redundant:
         names = ", ".join(map(repr, redundant))
@@ -276,10 +280,10 @@ def _triple(vector: Numbers) -> str:
 
 
 class SimulationError(RuntimeError):
-    """The error of a run that failed.
+    """The error that `simulate` and other functions raise if a run fails.
 
-    Its attribute `solution` has everything that was computed before the failure. It is of the type
-    that the function returns on success, such as a `Solution` from `simulate`.
+    Its attribute `solution` contains the results up to the failure. It is of the type that the
+    function returns on success, such as a `Solution` from `simulate`.
 
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
@@ -293,9 +297,9 @@ class SimulationError(RuntimeError):
 
 
 def raise_failure(solution: FinishedRun) -> None:
-    """Raise a `SimulationError` unless the result code of a run is `RESULTS.successful`.
+    """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
 
-    **Arguments:** `solution`: the outcome of the run; it becomes the attribute `solution` of the
+    **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
     error.
     """
     if result_number(solution.result) != SUCCESSFUL:

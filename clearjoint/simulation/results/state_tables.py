@@ -1,4 +1,4 @@
-"""Conversion of states to arrays with dimensions, labels and units."""
+"""Conversion of states to labelled arrays, the variables of an `xarray.Dataset`."""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ STATE_PARTS = {
     "velocity": ("component", "m/s"),
     "spin": ("component", "rad/s"),
 }
-"""Last dimension and unit of each field of a `BodyState`."""
+"""Last dimension and unit of the array for each field of a `BodyState`."""
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 """Labels along the last dimension of a body's vectors and of its Euler parameters."""
 MEANINGS = {
@@ -24,7 +24,7 @@ MEANINGS = {
 }
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
-"""Dimensions along which contacts, and contacts with bristles, are listed."""
+"""Names of the dimensions along which contacts, and contacts with bristles, are listed."""
 
 
 def contact_label(joint: str, contact: str) -> str:
@@ -33,11 +33,14 @@ def contact_label(joint: str, contact: str) -> str:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return the arrays of states by variable: "position", "orientation", "velocity", "spin", and
-    if the states have them "entry_speed", "bristle_deflection" and "ledger".
+    """Return states as arrays with dimensions and units, by name of variable.
 
-    **Arguments:** `states`: states with the dimensions `rows` in front, such as ("time",); `rows`:
-    names of these dimensions, empty for one state; `prefix`: text in front of the variables' names.
+    The variables are "position", "orientation", "velocity" and "spin", and if the states have them
+    "entry_speed", "bristle_deflection" and "ledger".
+
+    **Arguments:** `states`: one state, or a state whose arrays have additional first dimensions;
+    `rows`: names of these dimensions, such as ("time",), empty for one state; `prefix`: text in
+    front of each variable's name.
 
     **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
     """
@@ -63,7 +66,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """Return the labels along each dimension of `state_arrays`, by the name of the dimension."""
+    """Return the labels along each dimension of the arrays of `state_arrays`, by name of the
+    dimension: names of bodies, labels of contacts, "x", "y", "z" and so on."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*_by_contact(states.bristles)]

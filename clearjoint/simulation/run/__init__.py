@@ -1,1 +1,2 @@
-"""Single runs, and runs with derivatives: checks, loop, recorders and the functions users call."""
+"""Complete runs from their start to their end: the loop of steps, recorders, checks, and
+results."""

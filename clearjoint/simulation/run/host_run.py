@@ -1,4 +1,8 @@
-"""Execution of a run: segment by segment from Python, or in one computation that JAX traces."""
+"""Execution of a run: in segments called from Python, or as part of a computation that JAX traces.
+
+A segment is a number of steps that compiled code takes before it returns to Python; see
+`.segments`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,15 +21,14 @@ from ...result_codes import RESULTS, result_number
 from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot
-from ..step.loops import AbstractLoops
+from ..step.loops import Loops
 from ..step.method import Scheme
 from ..step.step_state import Step
 from .impact_recorder import impact_rows_of
 from .interruptions import interruptions_deferred
 from .progress_bars import ProgressBar, telling_of_compiling
 from .recorders import TimedState
-from .run_ends import final_result, final_state, named
-from .run_loop import Progress, Recorders
+from .run_loop import Progress, Recorders, final_result, final_state, named
 from .sections import Section, crossings_of, with_units
 from .segments import IMPACTS, REDUCTIONS, SECTIONS, STEPS, SavedStates, emptied, segment
 
@@ -39,9 +42,9 @@ segment_compiled = Native(segment)
 class Run:
     """A run that is ready to start.
 
-    - `folded_scene`: the scene, with its folded constants.
+    - `folded_scene`: the scene; its components that are exactly 0 or 1 are marked as constants.
     - `scheme`: integration method and formulation of the equations of motion.
-    - `recorders`: recorders of the run.
+    - `recorders`: the recorders that collect results during the run.
     - `end`: end time, s.
     - `redundant`: names of the redundant constraints.
     """
@@ -53,18 +56,19 @@ class Run:
     redundant: tuple[str, ...]
 
     def in_one_piece(
-        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: AbstractLoops
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
     ) -> Solution:
-        """Run to the end inside one computation that JAX traces.
+        """Run to the end inside a computation that JAX traces.
 
         **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
-        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: the kinds of loops,
-        which depend on how the run is differentiated.
+        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: the kind of loops,
+        which depends on how the run is differentiated.
 
-        **Returns:** a `Solution` of traced arrays. Saved rows that the run did not reach repeat the
-        last state. Steps, impacts, sections and outputs are not kept.
+        **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
+        repeat the last state. Steps, impacts, sections and outputs are not kept.
         """
-        # The end is a further time to save at, so that the run goes on behind the last save.
+        # The end is a further time to save at, so that the run continues after the last of the
+        # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
         limit = jnp.asarray(max_steps)
         arguments = self.scheme, self.folded_scene, self.recorders, now, times, self.end, limit
@@ -97,11 +101,12 @@ class Run:
         sections: Mapping[str, Section],
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run segment by segment to the end, a failure, the step limit or an interruption.
+        """Run in segments to the end, or to a failure, the limit of steps or an interruption.
 
         **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
         save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
-        bar; `sections`: by name; `notes`: the settings, for the solution.
+        progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, which the
+        solution contains.
 
         **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
         journal has slid out of its bearing at the end.
@@ -120,7 +125,8 @@ class Run:
         )
         with telling_of_compiling(bar), interruptions_deferred() as stopped:
             while True:
-                # Segments are short enough for the bar and for Ctrl-C, which waits for their end.
+                # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
+                # them.
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
                 now, saved = segment_compiled(
                     self.scheme,
@@ -141,15 +147,19 @@ class Run:
                 bar.update(float(now.step.t) - start - bar.n)
                 failed = result_number(now.step.result) != SUCCESSFUL
                 ended = failed or int(now.step.attempts) >= max_steps
-                # A segment ends behind `SAVES_A_SEGMENT` saves too: the end time is not enough.
+                # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
+                # end time while states are still to be saved.
                 ended = ended or (float(now.step.t) >= float(self.end) and saves.done())
                 interrupted = not ended and stopped()
                 if ended or interrupted:
                     break
         final, result, left = _end_compiled(self.scheme, self.folded_scene, now.step, self.end)
-        time, attempts, accepted = jax.device_get(
-            (now.step.t, now.step.attempts, now.step.accepted)
-        )
+        ended_at = now.step.t, now.step.attempts, now.step.accepted
+        time, attempts, accepted = jax.device_get(ended_at)
+        trajectory = None
+        if STEPS in now.records:
+            rows = _joined(steps)
+            trajectory = Trajectory(rows.t, pack(named(rows.state)))
         solution = Solution(
             time,
             final,
@@ -158,7 +168,7 @@ class Run:
             accepted,
             saves.trajectory(),
             saves.count,
-            _trajectory(steps) if STEPS in now.records else None,
+            trajectory,
             Impacts.of_rows(impacts) if IMPACTS in now.records else None,
             self.scheme.formulation,
             self.redundant,
@@ -169,7 +179,11 @@ class Run:
         return solution, interrupted, bool(left)
 
     def _outputs(self, now: Progress) -> dict[str, float]:
-        """Return the results of the reductions: numbers by "name", or "name_part" if several."""
+        """Return the results of all reductions at the end of the run `now`.
+
+        They are numbers, by the name of the output, or "name_part" for outputs with several
+        results.
+        """
         if not now.records[REDUCTIONS]:
             return {}
         arguments = self.scheme, self.folded_scene, self.recorders, now
@@ -184,9 +198,12 @@ class Run:
 def _end_of(
     scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
 ) -> tuple[State, RESULTS, Condition]:
-    """Return the final state in packed form, the result code, and whether a journal has slid out.
+    """Return the final state, the result code, and whether a journal has slid out of its bearing.
 
-    **Arguments:** `step`: state of the run after its last step; `end`: end time of the run, s.
+    The vectors of the state are arrays (3,).
+
+    **Arguments:** `folded_scene`: the scene; `step`: state of the run after its last step; `end`:
+    end time of the run, s.
     """
     final = final_state(scheme.unpacked(folded_scene), step)
     left = any_slid_out(unpack(folded_scene), final.bodies)
@@ -196,10 +213,11 @@ def _end_of(
 _end_compiled = Native(_end_of)
 
 
-def _results_of(
+@Native
+def _results_compiled(
     scheme: Scheme, folded_scene: ConstantFolded, recorders: Recorders, now: Progress
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the results of the reductions at the end of a run, results[name][part]."""
+    """Return the results of the reductions at the end of the run `now`, as results[name][part]."""
     system, step = scheme.unpacked(folded_scene), now.step
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return {
@@ -208,14 +226,13 @@ def _results_of(
     }
 
 
-_results_compiled = Native(_results_of)
-
-
 class _SaveTimes:
     """The times to save at, which segments receive in chunks, and the states that segments return.
 
-    Chunks have the fixed size `SAVES_A_SEGMENT`, so that one program serves any number of times.
-    `count`: number of times at which states have been saved.
+    Chunks have the fixed size `SAVES_A_SEGMENT`, so that the same compiled program serves any
+    number of times.
+
+    `count`: number of times at which states have been saved so far.
     """
 
     def __init__(self, times: np.ndarray | None, end: float):
@@ -224,7 +241,8 @@ class _SaveTimes:
         self._pieces: list[State] = []
 
     def chunk(self) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times, s, filled up with the end time; or ``None``."""
+        """Return the next `SAVES_A_SEGMENT` times, s, filled up with the end time of the run;
+        ``None`` if no times are requested."""
         if self._times is None:
             return None
         chunk = np.full(SAVES_A_SEGMENT, self._end)
@@ -233,33 +251,31 @@ class _SaveTimes:
         return chunk
 
     def take(self, saved: SavedStates | None) -> None:
-        """Keep those states of a segment that belong to requested times and were reached."""
+        """Keep those states of a segment that belong to requested times and that the run has
+        reached."""
         if saved is None or self._times is None:
             return
         left = len(self._times) - self.count
         reached = int(np.asarray(saved.reached)[:left].sum())
         if reached or not self._pieces:
-            # Copies: a slice would keep all rows of its segment, reached or not.
+            # Rows are copied, since a slice would keep all rows of its segment in memory.
             self._pieces.append(
                 jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)
             )
         self.count += reached
 
     def done(self) -> bool:
-        """Check whether states have been saved at all requested times."""
+        """Return whether states have been saved at all requested times."""
         return self._times is None or self.count == len(self._times)
 
     def trajectory(self) -> Trajectory | None:
-        """Return the states at the requested times that were reached; ``None`` without requests."""
+        """Return the states at the requested times that were reached; ``None`` if no times are
+        requested."""
         if self._times is None:
             return None
         return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
 
 
 def _joined(pieces: list[T]) -> T:
+    """Return PyTrees of arrays, joined along their first axes to one PyTree."""
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)
-
-
-def _trajectory(pieces: list[TimedState]) -> Trajectory:
-    rows = _joined(pieces)
-    return Trajectory(rows.t, pack(named(rows.state)))

@@ -1,7 +1,7 @@
 """Recorder of impacts, for single runs, runs with derivatives and lanes of sweeps.
 
-While a contact lasts, its peaks are updated in each accepted step. When the contact ends, they are
-written as a row of a table.
+An impact is a finished contact. While a contact lasts, its peaks are updated after each accepted
+step. When the contact ends, they are written as a row of a buffer.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from ...model.contact.laws import AbstractContactLaw
 from ...model.joints.base import ByLabel
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
-from ..reductions.windows import Window
+from ..reductions.base import Window
 from ..results.impact_table import IMPACT_UNITS
 from ..results.state_tables import contact_label
 from ..step.contact_step import (
@@ -28,23 +28,24 @@ from ..step.contact_step import (
     end_in_step,
     peak_in_step,
 )
+from ..step.solvers import UnrolledExplicit
 from ..step.step_state import Method, Step, choose
-from ..step.unrolled_runge_kutta import UnrolledExplicit
-from .row_buffer import RowBuffer
+from .recorders import RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 ROWS = 64
 """Default number of rows of a buffer. When a buffer is full, compiled code returns to Python, which
 empties all buffers."""
 INSTANTS = ("onset", "separation", "peak_time")
-"""Fields of an `ImpactRow` that are times on the run's clock."""
+"""Names of the fields of an `ImpactRow` that are times on the clock of the run."""
 
 
 class ImpactRow(eqx.Module):
     """A finished contact.
 
     - `onset`, `separation`: s, times at which the contact force began and ended.
-    - `entry_speed`, `exit_speed`: m/s, both positive.
+    - `entry_speed`, `exit_speed`: m/s, speeds of approach at the onset and of separation at the
+      end, both positive.
     - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
     - `largest_penetration`: m.
     """
@@ -58,25 +59,25 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return `reported()`: a row of impacts needs neither the system nor channels."""
+        """Return `reported()`. The arguments, which other kinds of rows need, are not used."""
         del system, channels
         return self.reported()
 
     def reported(self) -> dict[str, Scalar]:
-        """Return the fields by name, and also the "duration" of the contact, s."""
+        """Return all fields by name, and also the "duration" of the contact, s."""
         return {**vars(self), "duration": self.separation - self.onset}
 
     @staticmethod
     def none() -> "ImpactRow":
-        """Return a row of zeros, the initial content of buffers."""
+        """Return a row of zeros."""
         return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
 class OpenContact(eqx.Module):
-    """A contact after the latest accepted step.
+    """A contact at the end of the latest accepted step.
 
-    - `instant`: its gap and entry speed at the end of that step.
-    - `begun`: whether it touches at that instant and its onset was after the start of the run.
+    - `instant`: its gap and entry speed at that time.
+    - `begun`: whether it touches at that time and its onset was after the start of the run.
     - `row`: its onset and its peaks so far. `separation` and `exit_speed` of this row become valid
       in the step in which the contact ends.
     """
@@ -88,11 +89,12 @@ class OpenContact(eqx.Module):
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
     ) -> tuple["OpenContact", Condition, ImpactRow]:
-        """Update the contact by a step from t0 to t1, s.
+        """Return the contact after a further step, from t0 to t1, s.
 
         **Arguments:** `law`: the contact's law; `end`: the contact at t1.
 
-        **Returns:** the contact after the step, whether it ended in the step, and if so its row.
+        **Returns:** the contact after the step, whether it ended in the step, and the row of the
+        contact if so.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
@@ -109,38 +111,38 @@ class OpenContact(eqx.Module):
             jnp.maximum(row.largest_penetration, peak.depth),
         )
         begins = touches & jnp.logical_not(touched)
-        # Below any force and depth, so that the first step inside the contact sets the peak.
+        # The peaks of a new contact are minus infinity, so that its first whole step sets them.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
         )
-        # A contact that touches at the start of the run has no known begin, and gets no row.
+        # The onset of a contact that exists at the start of the run is unknown: it gets no row.
         begun = touches & (begins | self.begun)
         contact = OpenContact(end, begun, choose(begins, fresh, row))
         return contact, self.begun & jnp.logical_not(touches), row
 
 
 class ContactRecord(eqx.Module):
-    """A contact after the latest accepted step, and a row for each of its finished impacts."""
+    """A contact at the end of the latest accepted step, and the rows of its finished impacts."""
 
     contact: OpenContact
     rows: RowBuffer[ImpactRow]
 
 
 ImpactRecord = dict[str, dict[str, ContactRecord]]
-"""A `ContactRecord` for each contact: record[joint][contact]."""
+"""A `ContactRecord` for each contact, as record[joint][contact]."""
 
 
 class ImpactRecorder(AbstractRecorder[ImpactRecord]):
-    """Recorder of the finished contacts of one joint, or of all joints.
+    """Recorder of the impacts of one joint, or of all joints.
 
     - `joint`: name of the joint, or ``None`` for all joints.
-    - `window`: span of time; only contacts with an onset in the window are recorded. ``None``
-      records all.
+    - `window`: span of time; only contacts with an onset in it are recorded. ``None`` records all.
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
-    - `wanted`: number of impacts, by the contact's label such as "pin V", after which no more are
-      recorded or counted until the buffer is emptied; ``None`` for no such limit.
+    - `wanted`: largest number of impacts to record until the buffer is emptied, by the contact's
+      label such as "pin V"; later ones are neither recorded nor counted. ``None`` for no such
+      limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -149,7 +151,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     wanted: Mapping[str, Scalar] | None = None
 
     def start(self, start: RunStart) -> ImpactRecord:
-        """Return empty buffers, and the contacts at the start."""
+        """Return empty buffers, and the contacts at the start of the run."""
         rows = RowBuffer.like(ImpactRow.none(), self.capacity)
         no, none = jnp.asarray(False), ImpactRow.none()
         loop = start.loop
@@ -163,7 +165,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         }
 
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
-        """Return the record after a step was tried, unchanged unless the step was accepted."""
+        """Return the record after an attempt; it is unchanged if the step was not accepted."""
         laws, wanted = step_outcome.now.scene.laws(), self.wanted
         ends = self._instants(
             step_outcome.method, step_outcome.system, step_outcome.now, step_outcome.after
@@ -193,32 +195,35 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of the penetrations at the end of a step, m/s^2, by
-    joint and contact."""
+    """Return the second time derivatives of all penetrations at the end of a step, m/s^2, by joint
+    and contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
-    # Other solvers don't keep the rates at the end of a step.
+    # Other solvers do not keep the rates at the end of a step, so they are computed here.
     motion = step.y.motion
     rates, _ = system.rates(motion, step.entry_speeds, step.t, bristles=step.y.bristles)
-    # Rates that are constants take the types of the variables, as `jax.jvp` demands.
+    # A rate may be a Python number. Adding zero times the variable gives it the variable's type, as
+    # `jax.jvp` demands.
     rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, motion, rates)
     return system.second_rates(motion, rates)
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the number of finished impacts of the contact that has most of them.
+    """Return the number of impacts of the contact that has most of them.
 
-    Impacts for which its buffer had no room count too, so that the result is the room needed.
+    Impacts for which its buffer had no room are counted too, so that the result is the number of
+    rows that the buffers need.
     """
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
-    """Return the finished contacts of a record as rows for `Impacts.of_rows`, in any order.
+    """Return the impacts in a record as rows for `Impacts.of_rows`, one tuple for each impact.
 
-    **Arguments:** `record`: in NumPy arrays; its buffers must have had room for all impacts;
-    `origin`: s, the time at which the clock of the record showed zero.
+    **Arguments:** `record`: the record in NumPy arrays, whose buffers must have had room for all
+    impacts; `origin`: s, the time at which the clock of the run was zero, which is added to all
+    times.
     """
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
@@ -238,7 +243,12 @@ def _after(
     wanted: Scalar | None,
     window: Window | None,
 ) -> ContactRecord:
-    # `over`: whether the contact ended in this step and its row is to be written.
+    """Return the record of one contact after an attempt to take a step.
+
+    **Arguments:** `law`: the contact's law; `end`: the contact at the end of the attempt; `wanted`,
+    `window`: as in `ImpactRecorder`, for this contact.
+    """
+    # `over` says whether the contact ended in this step and its row is to be written.
     contact, over, row = record.contact.after(law, step_outcome.before.t, step_outcome.after.t, end)
     over = step_outcome.kept & over
     if window is not None:

@@ -33,11 +33,12 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """Return a context in which the first Ctrl-C is only noted, so that a run can end in order.
+    """Return a context in which the first Ctrl-C is only noted, so that a run can stop between two
+    segments.
 
-    The context gives a function, which returns whether Ctrl-C has been pressed. A second Ctrl-C
-    raises `KeyboardInterrupt` at once. Outside the main thread, and in a program with its own
-    handler of SIGINT, the handling of the signal is not changed, and the function returns
+    The value of the context is a function that returns whether Ctrl-C has been pressed. A second
+    Ctrl-C raises `KeyboardInterrupt` at once. Outside the main thread, and in a program with its
+    own handler of SIGINT, the handling of the signal is not changed, and the function returns
     ``False``.
     """
     requested = threading.Event()

@@ -1,6 +1,7 @@
-"""Progress on the error stream: a bar in a terminal, a line every half minute in a log file.
+"""Progress of runs on the error stream: a bar in a terminal, a line every half minute in a log
+file.
 
-While a program is compiled, the text tells for how long. A thread updates the text once a second,
+While a program is compiled, the text says for how long. A thread updates the text once a second,
 since the main thread waits for JAX.
 """
 
@@ -17,7 +18,8 @@ from tqdm import tqdm
 from ...compilation import seconds_of_compiling
 
 TICK = 1.0
-"""Time, s, between two updates; also the time of compiling, s, after which the bar tells of it."""
+"""Time, s, between two updates of the text; also the time of compiling, s, after which the text
+mentions it."""
 LINE_PERIOD = 30.0
 """Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
@@ -27,8 +29,8 @@ WATCH = "clearjoint: compiling"
 class ProgressBar(tqdm):
     """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
 
-    `seconds_left`: estimated time left, s, which a caller may set; ``None`` if unknown. The field
-    ``{left}`` of a `bar_format` shows this time.
+    A caller may set `seconds_left`, the estimated time left, s; ``None`` if unknown. The field
+    ``{left}`` in a `bar_format` shows this time.
     """
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
@@ -42,15 +44,16 @@ class ProgressBar(tqdm):
 
     @property
     def format_dict(self) -> dict[str, object]:
-        """Return the fields of the text by name; `left` is the time left, such as "02:15"."""
+        """The values of the fields in the text, by name; `left` is the time left, such as
+        "02:15"."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Show the text `msg`, or that of the bar; return whether it was shown.
+        """Show `msg`, or by default the text of the bar, and return whether it was shown.
 
-        In a log file, nothing is shown within `LINE_PERIOD` after the latest line.
+        In a log file, nothing is shown within `LINE_PERIOD` seconds after the latest line.
         """
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
@@ -70,9 +73,9 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Return a context that shows a bar, with the text "compiling, 12 s" during compilation.
+    """Return a context that shows a bar, and the text "compiling, 12 s" in it during compilation.
 
-    Without a bar to show (`bar.disable`), no thread is started.
+    If the bar is not to be shown (`bar.disable`), no thread is started.
     """
     with bar:
         if bar.disable:
@@ -89,7 +92,7 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a context for a call without progress, which shows only the time spent compiling.
+    """Return a context for a call that reports no progress: it shows only the time spent compiling.
 
     **Arguments:** `show`: whether to show it at all.
     """
@@ -98,11 +101,14 @@ def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
 
 
 def _tell(bar: tqdm, over: threading.Event) -> None:
+    """Show the time spent compiling in the text of a bar, every `TICK` seconds until the event
+    `over` is set."""
     usual, shown = bar.desc, False
     while not over.wait(TICK):
         seconds = seconds_of_compiling()
         if seconds >= TICK:
-            bar.delay = 0.0  # Or tqdm would not clear what is shown before its delay is over.
+            # With a delay, tqdm would not clear a text that is shown before the delay is over.
+            bar.delay = 0.0
             bar.set_description_str(f"compiling, {seconds:.0f} s")
         elif shown:
             bar.set_description_str(usual)

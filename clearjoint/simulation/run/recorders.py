@@ -1,52 +1,119 @@
-"""Recorders of the latest step, of all accepted steps, and of reductions."""
+"""Buffers of rows, and recorders that need no module of their own: of steps, and of reductions.
+
+A recorder collects data, its record, during a run; see `AbstractRecorder` in `.run_loop`.
+"""
+
+from dataclasses import replace
+from typing import Generic, TypeVar
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
 from ...dynamics.system import System
+from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
-from ..reductions.reductions import AbstractReduction
+from ..reductions.base import AbstractReduction
 from ..step.dense_output import DenseStep
 from ..step.step_state import Attempt, Step, choose
 from ..step.types import Numbers
-from .row_buffer import RowBuffer
-from .run_ends import state_of
-from .run_loop import AbstractRecorder, RunStart, StepOutcome
+from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
+
+R = TypeVar("R", bound=PyTree[Scalar])
+
+
+class RowBuffer(eqx.Module, Generic[R]):
+    """A buffer of fixed size that compiled code fills with rows, such as finished impacts. Each row
+    is a PyTree of numbers.
+
+    - `rows`: a PyTree with the structure of a row, whose leaves have an additional first axis of
+      rows.
+    - `count`: number of rows written so far, including rows for which there was no room.
+    """
+
+    rows: R
+    count: jax.Array
+
+    @staticmethod
+    def like(row: R, capacity: int) -> "RowBuffer[R]":
+        """Return an empty buffer with room for `capacity` rows of the structure and shapes of
+        `row`."""
+        # There is one more row, to which the rows are written for which there is no room.
+        rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
+        return RowBuffer(rows, jnp.zeros((), int))
+
+    @property
+    def capacity(self) -> int:
+        """Number of rows for which the buffer has room, whether they are written or not."""
+        return jax.tree.leaves(self.rows)[0].shape[0] - 1
+
+    def is_full(self) -> Condition:
+        """Return whether there is no room for another row."""
+        return self.count >= self.capacity
+
+    def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
+        """Return the buffer with `row` written behind the last row if `wanted`, otherwise
+        unchanged."""
+
+        def write() -> R:
+            return jax.tree.map(
+                lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
+                self.rows,
+                row,
+            )
+
+        rows = jax.lax.cond(wanted, write, lambda: self.rows)
+        return RowBuffer(rows, self.count + wanted)
+
+    def filled(self) -> R:
+        """Return copies of the rows written so far as NumPy arrays, with an additional first axis
+        of rows."""
+        count = min(int(self.count), self.capacity)
+        return jax.tree.map(lambda rows: np.array(rows[:count]), jax.device_get(self.rows))
+
+    def emptied(self) -> "RowBuffer[R]":
+        """Return the buffer with a `count` of zero, so that its rows are overwritten."""
+        return replace(self, count=np.zeros((), int))
 
 
 class LatestAttempt(AbstractRecorder[Attempt]):
-    """Records the latest accepted attempt, which gives states and tangents inside its step."""
+    """Recorder of the latest accepted attempt, from which states and derivatives inside its step
+    follow."""
 
     def start(self, start: RunStart) -> Attempt:
-        """Return a blank attempt at the start."""
+        """Return an attempt that contains the start of the run."""
         return start.blank_attempt
 
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
-        """Return the attempt if it was accepted, otherwise the recorded attempt."""
+        """Return the attempt if its step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, step_outcome.tried, record)
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Records the dense output of the latest accepted step of an explicit Runge-Kutta method."""
+    """Recorder of the latest accepted step with its dense output, from which states inside the step
+    follow. The solver must be an explicit Runge-Kutta method."""
 
     def start(self, start: RunStart) -> DenseStep:
-        """Return a step of length zero at the start."""
+        """Return a step of length zero at the start of the run."""
         return DenseStep.of(start.blank_attempt)
 
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
-        """Return the dense output of the step if it was accepted, otherwise the recorded one."""
+        """Return the step if it was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, step_outcome.dense_step, record)
 
 
 class TimedState(eqx.Module):
-    """A time in s and the state at that time, in scalar form, with alike elements in groups."""
+    """A time in s and the state then. Vectors are three separate scalars, and alike elements may be
+    combined to groups."""
 
     t: Numbers
     state: State
 
 
 class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
-    """Records the states at the start and after each accepted step.
+    """Recorder of the states at the start of a run and after each accepted step.
 
     **Arguments:** `capacity`: number of rows of the buffer.
     """
@@ -54,28 +121,28 @@ class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
     capacity: int = eqx.field(static=True)
 
     def start(self, start: RunStart) -> RowBuffer[TimedState]:
-        """Return a buffer with the state at the start."""
+        """Return a buffer whose first row is the state at the start."""
         row = _row(start.loop.system, start.step)
         return RowBuffer.like(row, self.capacity).with_row(row, True)
 
     def after(
         self, record: RowBuffer[TimedState], step_outcome: StepOutcome
     ) -> RowBuffer[TimedState]:
-        """Return the buffer with the state after the step, if it was accepted."""
+        """Return the buffer with the state after the step added, if the step was accepted."""
         return record.with_row(_row(step_outcome.system, step_outcome.after), step_outcome.kept)
 
 
 class ReductionRecorder(AbstractRecorder[PyTree]):
-    """Records the tally of a reduction."""
+    """Recorder of a reduction, such as the peak of a force. Its record is the reduction's tally."""
 
     reduction: AbstractReduction
 
     def start(self, start: RunStart) -> PyTree:
-        """Return the tally at the start."""
+        """Return the reduction's tally at the start of the run."""
         return self.reduction.start(start.now)
 
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
-        """Return the tally after the step, if it was accepted."""
+        """Return the tally after the step if the step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, self.reduction.update(record, step_outcome.now), record)
 
 

@@ -1,8 +1,13 @@
-"""Checks of a scene, an initial state and JAX's precision before a run."""
+"""Checks of a scene, an initial state, settings and JAX's precision before a run.
+
+A start is a scene with an initial state, a start time and coordinates. Most checks of starts run in
+Python. For scenes that are run many times, a compiled native program does the same checks faster.
+"""
 
 import sys
 from collections import Counter
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from functools import reduce
 from operator import and_
 
@@ -32,25 +37,29 @@ from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ...fields.caching import cached_by_numbers
-from ...fields.checks import conditions_of, conditions_of_changes, recheck
+from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
 from ...fields.conversion import with_arrays
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ...native.functions import FlatArguments
+from ..step.dense_output import require_dense
+from ..step.discontinuity_analysis import require_declared
+from ..step.method import Scheme
+from ..step.settings import Settings
 
 BY_NUMPY = 8
-"""Number of starts with the same structure that are checked in Python, in some milliseconds each,
-before a native program is compiled that checks a start in microseconds."""
+"""Number of starts of the same structure that are checked in Python, in some milliseconds each. For
+further ones a native program is compiled, which takes microseconds."""
 KEPT = 256
-"""Number of starts with the same structure whose dependent constraints are cached."""
+"""Number of starts of the same structure whose dependent constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
     """Check that JAX computes in 64 bits, unless single precision is allowed.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` if JAX computes in 32 bits.
     """
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
@@ -60,10 +69,10 @@ def check_precision(allow_float32: bool) -> None:
 
 
 def is_traced(tree: PyTree) -> bool:
-    """Check whether JAX traces a leaf of a tree, so that its value is not known in Python.
+    """Return whether JAX traces a leaf of a PyTree, so that its value is not known in Python.
 
-    Under `jax.jit` this is so for every tree, as results of computations with known numbers are
-    traced too.
+    Under `jax.jit` this is so for every PyTree, because results of computations with known numbers
+    are traced too.
     """
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -78,11 +87,12 @@ def check_numbers(scene: Scene, state: State) -> None:
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return the traced condition that a check passes; ``None`` if the check has no conditions.
+    """Return the traced condition that a check passes; ``None`` if the check meets no traced
+    numbers.
 
     The compiled program evaluates the condition once, before the first step.
 
-    **Arguments:** `check`: a function that raises an error for invalid known numbers.
+    **Arguments:** `check`: a function that raises an error for invalid numbers, if they are known.
     """
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
@@ -100,7 +110,7 @@ def check_start(
 
     **Raises:** `ValueError` that names the cause.
     """
-    # The native check is fast, but its failure has no cause: such a start is checked in Python.
+    # The native check is fast, but cannot say why a start fails. Then it is checked in Python.
     if isinstance(scene, Scene) and isinstance(state, State):
         redundant = starts.redundant(scene, state, start_time, coordinates)
         if redundant is not None:
@@ -112,7 +122,9 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check a state against the constraints at a time t, s; return names of redundant constraints.
+    """Check an initial state against the constraints of a scene at a time t, s.
+
+    **Returns:** the names of the redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
     bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state.
@@ -127,19 +139,47 @@ def check_structure(
     return report.redundant
 
 
+def derivative_scheme(
+    scene: Scene, state: State, settings: Settings, start_time: float = 0.0
+) -> Scheme:
+    """Check all arguments of a run with derivatives, and return its integration method and
+    formulation.
+
+    **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
+
+    **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
+    support, such as a solver without dense output; and for an element that changes abruptly at
+    times that it does not declare as `breakpoints`.
+    """
+    settings.require_double()
+    check_precision(False)
+    require(
+        settings.landing_tolerance is not None,
+        "landing_tolerance",
+        None,
+        "a penetration in m",
+        "derivatives hold only where steps land on the begin and end of contacts",
+    )
+    redundant = check_start(scene, state, start_time, settings.coordinates)
+    require_declared(scene)
+    scheme = Scheme.on_host(settings, bool(redundant))
+    require_dense(scheme.method.solver)
+    tolerance = np.asarray(settings.derivative_tolerance, float)
+    return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))
+
+
 _recheck = cached_by_numbers(recheck)
 
 
 def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, StartRows | None, bool]:
-    """Return whether a start passes the checks, in a form that compiles.
+    """Return whether a start passes the checks of `check_start`, in a form that can be compiled.
 
     **Returns:**
 
-    - whether the start passes every check of `check_start` without a warning, except for
-      redundancy;
-    - the constraint rows by which redundant constraints are found, ``None`` without joints;
+    - whether the start passes every check without a warning, except for redundancy;
+    - the constraint equations from which redundant constraints are found, ``None`` without joints;
     - whether the first result includes the checks of the scene's numbers. It does not if the scene
       has user-defined classes, whose checks must run in Python.
     """
@@ -162,7 +202,7 @@ def _passes(
     holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
     # The coordinates represent the state: it is the same after a round trip through them.
     variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
-    # Without variables nothing could move.
+    # A scene without variables is invalid, because nothing could move.
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
         given, same = body.orientation, decoded[name].orientation
@@ -173,10 +213,10 @@ def _passes(
 
 
 class _Starts:
-    """Fast checks of starts (scene, state, time and coordinates) by native programs.
+    """Fast checks of starts by native programs, of which there is one for each structure.
 
-    A native program tells only whether a start passes all checks. A start that fails is checked
-    again in Python, by checks whose errors name the cause. There is a program for each structure.
+    A native program says only whether a start passes all checks. A start that fails is checked
+    again in Python, where the errors name the cause.
     """
 
     def __init__(self) -> None:
@@ -185,7 +225,7 @@ class _Starts:
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
-        """Return the number of native programs that check starts, one for each structure."""
+        """Return the number of native programs that have been made to check starts."""
         return self._function.count()
 
     def redundant(

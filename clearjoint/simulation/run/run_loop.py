@@ -1,8 +1,8 @@
-"""The loop of a run: try a step, update the recorders, and repeat.
+"""The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
-Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in the
-recorders that they pass, and in what repeats the loop's body: JAX's loops, or the scheduler of
-lanes.
+Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
+recorders, which collect data during the run, and in what repeats the body of the loop: JAX's loops,
+or the scheduler of lanes.
 """
 
 import abc
@@ -15,13 +15,17 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
+from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
-from ...math.vectors import Condition, Scalar
+from ...math.groups import by_group, by_name
+from ...math.vectors import Condition, Scalar, unpack
+from ...model.bodies import State
 from ...quantities.instant import Instant
+from ...result_codes import RESULTS
 from ..step.dense_output import DenseStep, Snapshot
-from ..step.loops import PLAIN, AbstractLoops
-from ..step.step_state import Attempt, Method, Step, choose
-from ..step.stepping import attempt, blank_attempt, running
+from ..step.loops import PLAIN, Loops
+from ..step.step_state import Attempt, Method, Step, Variables, choose
+from ..step.stepping import attempt, blank_attempt, running, start
 from ..step.systems import SystemFamily
 
 R = TypeVar("R", bound=PyTree)
@@ -29,12 +33,12 @@ R = TypeVar("R", bound=PyTree)
 
 @dataclass(frozen=True, eq=False)
 class RunStart:
-    """A run before its first step, which recorders receive.
-
-    Properties are computed only where a recorder uses them.
+    """A run before its first step, as recorders receive it.
 
     - `loop`: the loop of the run.
-    - `step`: complete state of the run.
+    - `step`: the complete state of the run.
+
+    The properties are computed only if a recorder uses them.
     """
 
     loop: "RunLoop"
@@ -42,12 +46,12 @@ class RunStart:
 
     @cached_property
     def now(self) -> Instant:
-        """The instant of the start, from which quantities are evaluated."""
+        """The start as an `Instant`, from which quantities such as positions are computed."""
         return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An attempt of zeros that contains the state at the start."""
+        """An `Attempt` that contains the state at the start and is zero otherwise."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -56,14 +60,14 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of a step that was tried, which recorders receive.
-
-    Properties are computed only where a recorder uses them.
+    """The outcome of an attempt to take a step, as recorders receive it.
 
     - `method`, `system`: solver and step control; the system that is integrated.
-    - `before`, `after`: state of the run before and after the attempt.
+    - `before`, `after`: the complete state of the run before and after the attempt.
     - `tried`: the attempt.
-    - `kept`: whether the step was taken and accepted.
+    - `kept`: whether the step was accepted.
+
+    The properties are computed only if a recorder uses them.
     """
 
     method: Method
@@ -75,12 +79,14 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """Dense output of the step; valid only if the step was kept."""
+        """The step with the data for dense output, the solution inside it; valid only if the step
+        was accepted."""
         return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
-        """The instant at the end of the attempt, from which quantities are evaluated."""
+        """The end of the attempt as an `Instant`, from which quantities such as positions are
+        computed."""
         after = self.after
 
         def inside(x: Scalar) -> Instant:
@@ -90,7 +96,8 @@ class StepOutcome:
 
 
 class AbstractRecorder(eqx.Module, Generic[R]):
-    """Base class of recorders, which collect data of type R, the record, during a run."""
+    """Base class of recorders, which collect data during a run. The data are of type R and are
+    called the record."""
 
     @abc.abstractmethod
     def start(self, start: RunStart) -> R:
@@ -98,17 +105,17 @@ class AbstractRecorder(eqx.Module, Generic[R]):
 
     @abc.abstractmethod
     def after(self, record: R, step_outcome: StepOutcome) -> R:
-        """Return the record after a step was tried; it is unchanged if the step was not kept."""
+        """Return the record after an attempt; it must be unchanged if the step was not accepted."""
 
 
 Recorders: TypeAlias = PyTree[AbstractRecorder]
-"""Nested dictionaries of recorders."""
+"""The recorders of a run, in nested dictionaries."""
 Records: TypeAlias = dict[str, PyTree]
-"""Records, in dictionaries with the keys of the dictionaries of recorders."""
+"""The records of a run, in nested dictionaries with the same keys as those of the recorders."""
 
 
 class Progress(eqx.Module):
-    """A run between two attempts: `step`, its complete state, and the records so far."""
+    """A run between two attempts: its complete state, `step`, and the `records` so far."""
 
     step: Step
     records: Records
@@ -120,10 +127,10 @@ class RunLoop:
 
     - `method`: solver and step control; `system`: the system to integrate.
     - `t_end`: s, end of the run; no step goes past it.
-    - `recorders`: nested dictionaries of recorders; records have the same keys.
-    - `family`: the system as a function of the parameters, if the run carries derivatives with
-      respect to them.
-    - `loops`: kind of loops, which depends on how the run is differentiated.
+    - `recorders`: nested dictionaries of recorders; the records have the same keys.
+    - `family`: the system as a function of parameters, if the run carries derivatives with respect
+      to them.
+    - `loops`: the kind of loops, which depends on how the run is differentiated.
     - `attempt`: the function that tries a step.
     """
 
@@ -132,7 +139,7 @@ class RunLoop:
     t_end: Scalar
     recorders: Recorders
     family: SystemFamily | None = None
-    loops: AbstractLoops = PLAIN
+    loops: Loops = PLAIN
     attempt: Callable[..., Attempt] = attempt
 
     def start(self, step: Step) -> Progress:
@@ -141,13 +148,13 @@ class RunLoop:
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after an attempt of a step.
+        """Return the run after one attempt to take a step.
 
-        If the step is rejected, time and variables are those of `now`, and the next length to try
-        is shorter.
+        If the step is rejected, time and variables stay as they are, and the next attempt is
+        shorter.
 
-        **Arguments:** `goes`: whether to take the step; where it is false, as in a lane that waits,
-        the run stays unchanged. By default the step is taken.
+        **Arguments:** `now`: the run before the attempt; `goes`: whether to take the step; where it
+        is false, as in a lane that waits, the run stays unchanged. By default the step is taken.
         """
         family_if_any = () if self.family is None else (self.family,)
         tried = self.attempt(self.method, self.system, now.step, self.t_end, *family_if_any)
@@ -168,10 +175,11 @@ class RunLoop:
         attempts: Scalar,
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
-        """Return the run after steps up to the first that ends at or after `stop`, s.
+        """Return the run after further steps, of which the last one ends at or after the time
+        `stop`, s.
 
         The steps end earlier at a failure, after `attempts` attempts since the start of the run,
-        and where the function `goes` returns false.
+        and where the function `goes` of the run returns false.
         """
 
         def continues(now: Progress) -> Condition:
@@ -184,7 +192,56 @@ class RunLoop:
 def _map_recorders(
     function: Callable[..., PyTree], recorders: Recorders, *records: Records
 ) -> Records:
-    """Apply a function to each recorder and its record, and return the results in dictionaries."""
+    """Return the results of a function of each recorder and its record, in nested dictionaries with
+    the same keys."""
     return jax.tree.map(
         function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
     )
+
+
+def begin_run(
+    method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the complete state of a run before its first step.
+
+    **Arguments:** `state`: the initial state, whose vectors are arrays (3,); the run continues from
+    its entry speeds, energy ledger and bristles; `t0`, `t_end`: s, start and end; `first_step`: s,
+    length of the first step.
+    """
+    motion = system.encode(unpack(state.bodies))
+    bristles = by_group(unpack(state.bristles), system.scene.joints)
+    y = Variables(motion, state.work if system.formulation.ledger else {}, bristles)
+    entry_speeds = by_group(state.entry_speeds, system.scene.joints)
+    return start(method, system, t0, t_end, first_step, y, entry_speeds)
+
+
+def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
+    """Return variables y and entry speeds, m/s, as a `State` whose vectors are three separate
+    scalars.
+
+    The keys are those of the system, in which alike elements may be combined to groups.
+    """
+    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
+
+
+def named(state: State) -> State:
+    """Return a state from `state_of` with the names of single elements as keys, instead of those of
+    groups."""
+    return State(
+        by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
+    )
+
+
+def final_state(system: System, step: Step) -> State:
+    """Return the state after `step`, with the names of single elements as keys. Its vectors are
+    three separate scalars."""
+    return named(state_of(system, step.y, step.entry_speeds))
+
+
+def final_result(step: Step, t_end: Scalar) -> RESULTS:
+    """Return the result code of a run whose last step was `step`.
+
+    The code is `max_steps_reached` if the run has neither failed nor reached its end `t_end`, s.
+    """
+    unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
+    return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

@@ -1,10 +1,16 @@
 """Run with tangents that evaluates quantities and their derivatives at given times.
 
-This is the compiled part of `sensitivities`, `identify` and `fit_horizon`. The steps are those
-of a `RunLoop`, as in runs without derivatives.
+Tangents are derivatives of the variables with respect to p parameters, integrated together with the
+variables. Runge-Kutta methods commute with differentiation: the derivative of a step with respect
+to a parameter is the same step of the variational equations, error estimate included. Hence an
+attempt to take a step (`attempt` in `..step.stepping`) differentiates the solver's step for all
+parameters at once, and controls the errors of variables and tangents together.
+
+`sensitivities`, `identify` and `fit_horizon` use this module.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -13,33 +19,33 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...compilation import traced_once
+from ...dynamics.bristles import initial_bristles
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...native import Native
-from ...parametrisation.parametrised_scene import ParametrisedScene
+from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ...result_codes import RESULTS
-from ..step.dense_output import correct, look_inside
+from ..step.dense_output import correct, dense_time, look_inside
 from ..step.method import Scheme
-from ..step.step_state import Attempt, Method, Variables
-from ..step.stepping import attempt
+from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
+from ..step.stepping import attempt, start
 from ..step.systems import SystemFamily
+from ..step.trial_step import term_of
 from ..step.types import Gradients, Numbers
-from ..step.variational import look_at_tangents, start_with_tangents
 from .impact_recorder import ImpactRecord, ImpactRecorder, most
 from .recorders import LatestAttempt
-from .run_ends import final_result, named, state_of
-from .run_loop import Progress, Recorders, RunLoop
+from .run_loop import Progress, Recorders, RunLoop, final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder
 from .segments import IMPACTS, LATEST, SECTIONS
 
 FEW_TIMES, GROWTH = 64, 8
-"""The number of times in a program is rounded up to 64, 512, 4096 ..., so that few programs are
-compiled. The additional times repeat the end time. Repeated times are evaluated only once, so that
-they cost almost nothing."""
+"""The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
+programs are compiled. The additional times repeat the end time. Repeated times are evaluated only
+once, so they cost almost nothing."""
 
 
 class Kept(eqx.Module):
@@ -47,7 +53,7 @@ class Kept(eqx.Module):
 
     - `states`: whether to keep the state at each of the times.
     - `impacts`: largest number of impacts of each contact, or ``None`` to record no impacts.
-    - `sections`: recorders of crossings, by name of the section.
+    - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
     """
 
     states: bool = eqx.field(default=False, static=True)
@@ -57,22 +63,23 @@ class Kept(eqx.Module):
 
 NOTHING_ELSE = Kept()
 IMPACTS_AT_FIRST = 512
-"""Number of impacts of each contact for which there is room in the first run. If a contact has more
-impacts, the run is repeated with room for `GROWTH` times as many."""
+"""Number of impacts of each contact for which the first run has room. If a contact has more
+impacts, the run is repeated with `GROWTH` times as much room."""
 
 
 class Sampled(eqx.Module):
     """Values of quantities at N times, and their derivatives with respect to p parameters.
 
     - `values[name]`: (N,), in the quantity's unit.
-    - `derivatives[name]`: (N, p), with respect to the coordinates of the parameters' scales.
-    - `reached`: (N,), whether the run reached each time. Values at other times have no meaning.
+    - `derivatives[name]`: (N, p), with respect to the parameters on their scales, such as
+      logarithms.
+    - `reached`: (N,), whether the run reached each time. Values at other times are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `states`: the state at each time, in scalar form with N in front; ``None`` unless kept.
-    - `impacts`: record of impacts, whose times count from the start of the run; ``None`` unless
-      kept.
-    - `sections`: records of crossings, by name of the section.
+    - `states`: the state at each time, whose leaves have an additional first axis of length N;
+      ``None`` unless kept.
+    - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
+    - `sections`: the records of crossings, by name of the section.
     """
 
     values: dict[str, Numbers]
@@ -87,6 +94,60 @@ class Sampled(eqx.Module):
     sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
 
 
+def start_with_tangents(
+    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the complete state of a run with tangents before its first step.
+
+    **Arguments:** `family`: the systems and initial states as functions of p parameters; `t0`,
+    `t_end`: start and end of the run, s; `first_step`: length of the first step, s.
+    """
+
+    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
+        state = family.start(values)
+        motion = system.encode(state.bodies)
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
+
+    count = len(family.values)
+    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
+        initial, (family.values,), (jnp.eye(count),)
+    )
+    system = family.system()
+    step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
+
+    # The state of an explicit method is the rates at the start, which depend on the parameters too.
+    # Its `init` ignores the end of the first step, so any later time may be passed.
+    def solver_state(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[SolverState, None]:
+        return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
+
+    # The energy ledger, and entry speeds that the state does not contain, do not depend on the
+    # parameters at the start.
+    none = jnp.zeros(count)
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+    entry_speeds_along = entry_speeds_along or jax.tree.map(lambda _: none, step.entry_speeds)
+    _, _, state_along = family.pushed(
+        solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
+    )
+    return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
+
+
+def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
+    """Return the derivatives of variables and entry speeds with respect to p parameters at a time
+    t, s, of the accepted step of an `attempt`.
+
+    They are the derivatives of the results of `look_inside` before the correction onto the
+    constraints. Each leaf has an additional first axis of length p.
+    """
+    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and last is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
+    y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
+    return y, choose(t >= end, last.entry_speeds, inside.entry_speeds_start)
+
+
 def followed(
     scheme: Scheme,
     family: ParametrisedScene,
@@ -98,14 +159,15 @@ def followed(
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
-    """Integrate the state and its derivatives, and evaluate quantities and their derivatives with
-    respect to the parameters' coordinates at given times.
+    """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
+    given times.
 
-    The function can be traced by JAX.
+    The derivatives are with respect to parameters on their scales, such as logarithms. JAX can
+    trace the function.
 
     **Arguments:**
 
-    - `scheme`: method and formulation of the equations of motion.
+    - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
     - `times`: (N,) s, rising or repeated.
@@ -116,8 +178,8 @@ def followed(
     """
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system = systems.system()
-    # Steps go by a clock that is zero at the start of the run: steps that land on impacts need
-    # times that are finer than the rounding of large times.
+    # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
+    # than the rounding errors of large times.
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
     recorders: dict[str, Recorders] = {LATEST: LatestAttempt(), SECTIONS: kept.sections}
@@ -129,7 +191,7 @@ def followed(
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         time, is_new = row
-        # Steps go past the time, since evaluation must not change them.
+        # Steps are not shortened to end at the time, since evaluation must not change the motion.
         now = loop.until(time, now, max_steps)
         sampled = _sample(method, systems, outputs, now.records[LATEST], time, is_new, kept)
         return now, (*sampled, time <= now.step.t)
@@ -137,15 +199,15 @@ def followed(
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
-    # At repeated times quantities were computed at the first only: copy its numbers. States were
-    # computed at every time.
+    # Of repeated times, quantities were computed at the first only, so its numbers are copied.
+    # States were computed at every time.
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
         reached=reached,
-        # At the end `t_end` itself, from which t0 + (t_end - t0) may differ by rounding.
+        # At the end this is `t_end` itself, as t0 + (t_end - t0) may differ from it by rounding.
         time=jnp.where(step.t < own_end, t0 + step.t, t_end),
         result=final_result(step, own_end),
         attempts=step.attempts,
@@ -159,12 +221,14 @@ def followed(
 def _scanned(
     sample: Callable[[Progress, PyTree], tuple[Progress, PyTree]], run: Progress, rows: PyTree
 ) -> tuple[Progress, PyTree]:
-    """Apply `jax.lax.scan` to `sample` over rows, in blocks of `FEW_TIMES` rows.
+    """Apply `sample` to one row after the other, like a single `jax.lax.scan`, but in blocks of
+    `FEW_TIMES` rows.
 
-    The result is that of a single `jax.lax.scan`.
+    **Arguments:** `sample`: function of the run and a row that returns the run and an output;
+    `run`: the run before the first row; `rows`: a PyTree of arrays (N,).
     """
-    # XLA copies in each turn all that a loop has written so far: at 4096 times one loop took ten
-    # times as long as the run.
+    # In each iteration, XLA copies all outputs that the loop has written so far. With 4096 rows,
+    # one loop took ten times as long as the run.
     count = len(jax.tree.leaves(rows)[0])
     if count <= FEW_TIMES or count % FEW_TIMES != 0:
         return jax.lax.scan(sample, run, rows)
@@ -186,16 +250,17 @@ def _sample(
 
     **Arguments:**
 
+    - `systems`: the systems as functions of p parameters; `outputs`: the quantities by name.
     - `latest`: the attempt of that step.
     - `time`: s since the start of the run.
     - `is_new`: whether the time differs from the one before it. At a repeated time, quantities and
       derivatives are not computed; they are zeros.
 
-    **Returns:** the quantities by name; their derivatives with respect to the parameters'
-    coordinates, (p,) by name; and the state, or ``None`` if `kept` requests none.
+    **Returns:** the quantities by name; their derivatives with respect to the parameters on their
+    scales, (p,) by name; and the state, or ``None`` if `kept` does not request it.
     """
-    # `cond` skips repeated times, such as padding, at which `followed` copies the numbers of the
-    # first of equal times. It doesn't copy states, which are therefore computed at every time.
+    # At repeated times, `followed` copies the quantities of the first of equal times, so that they
+    # need not be computed. It does not copy states, which are therefore computed at every time.
     no_value, no_derivatives = jnp.zeros(()), jnp.zeros(len(systems.values))
     values, derivatives = jax.lax.cond(
         is_new,
@@ -216,9 +281,10 @@ def _quantities(
     tried: Attempt,
     time: Scalar,
 ) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
-    """Return quantities at a time in an accepted step, s, and their derivatives (p,), by name.
+    """Return quantities at a time in an accepted step, s, and their derivatives, (p,), by name.
 
-    Derivatives are with respect to the coordinates of the p parameters.
+    **Arguments:** `family`: the systems as functions of p parameters; `outputs`: the quantities by
+    name; `tried`: the attempt of the step; `time`: s since the start of the run.
     """
     dense = look_inside(method, family.system(), tried, time)
 
@@ -244,8 +310,8 @@ def recorded_run(
 ) -> Sampled:
     """Run `followed` with room for all impacts, and return its result as NumPy arrays.
 
-    **Arguments:** `arguments`: the arguments of `followed` except the last; `states`, `impacts`:
-    whether to keep states and impacts; `sections`: recorders of crossings, by name.
+    **Arguments:** `arguments`: all arguments of `followed` except `kept`; `states`, `impacts`:
+    whether to keep states and impacts; `sections`: recorders of crossings, by name of the section.
     """
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
@@ -257,10 +323,8 @@ def recorded_run(
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
-    """Append copies of the end time to times, until their number is 64, 512, 4096 ...
-
-    **Arguments:** `times`: (N,) s; `end_time`: s.
-    """
+    """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
+    512, 4096 ..."""
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

@@ -1,6 +1,7 @@
-"""The argument `save` of runs: results that a run keeps besides its final state."""
+"""The argument `save` of runs, which selects the results that a run keeps besides its final
+state."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from ...fields.checks import concrete, require, require_array_names
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
-from ..reductions.reductions import AbstractReduction, check_reductions
+from ..reductions.base import AbstractReduction, check_reductions
 from ..step.spans import check_rising, checked_times
 from ..step.types import Numbers
 from .sections import Section, SectionRecorder
@@ -17,17 +18,19 @@ from .sections import Section, SectionRecorder
 
 @dataclass(frozen=True, eq=False)
 class Saving:
-    """Results that a run keeps besides its final state.
+    """Selection of the results that a run keeps besides its final state.
 
         cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True)
 
     **Arguments:**
 
-    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. Dense
-      output gives these states, so that the times do not change the steps.
+    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. The
+      states are interpolated by the solver's dense output, so that saving does not change the
+      steps.
     - `steps`: keep the state after every accepted step, in `solution.steps`.
-    - `impacts`: tabulate all finished contacts, in `solution.impacts`.
-    - `sections`: each `Section` by name, whose crossings are kept in `solution.sections`.
+    - `impacts`: keep a table of all finished contacts, in `solution.impacts`.
+    - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
+      `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
       results are in `solution.outputs`.
 
@@ -51,16 +54,15 @@ class Saving:
             steps = np.diff(check_rising(self.times, "times"))
             remedy = "remove repeated times, for example with numpy.unique"
             require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
-        remedy = 'pass for example {"top": cj.Section(crossing, channels, count)}'
-        require_array_names("sections", self.sections, remedy)
-        for name, section in self.sections.items():
-            fine, argument = isinstance(section, Section), f"sections[{name!r}]"
-            require(fine, argument, type(section).__name__, "a Section", remedy)
-        remedy = 'pass for example {"hits": cj.ImpactCount("pin")}'
-        require_array_names("outputs", self.outputs, remedy)
-        for name, output in self.outputs.items():
-            fine, argument = isinstance(output, AbstractReduction), f"outputs[{name!r}]"
-            require(fine, argument, type(output).__name__, "a reduction", remedy)
+        for argument, kind, expected, example in (
+            ("sections", Section, "a Section", '{"top": cj.Section(crossing, channels, count)}'),
+            ("outputs", AbstractReduction, "a reduction", '{"hits": cj.ImpactCount("pin")}'),
+        ):
+            entries, remedy = getattr(self, argument), f"pass for example {example}"
+            require_array_names(argument, entries, remedy)
+            for name, entry in entries.items():
+                fine, given = isinstance(entry, kind), type(entry).__name__
+                require(fine, f"{argument}[{name!r}]", given, expected, remedy)
 
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the sections and the outputs name.
@@ -77,11 +79,12 @@ class Saving:
                 raise ValueError(f"Section {name!r}: {error}") from error
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
-        """Return a recorder of each section's crossings, by name."""
+        """Return for each section, by name, the recorder that tabulates its crossings in a run."""
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the times to save at, (N,) s, or ``None``, after a check of their range.
+        """Return the times to save at, (N,) s, or ``None`` if there are none, after checking their
+        range.
 
         **Raises:** `ValueError` for times before `start_time` or after `end_time`, s.
         """
@@ -89,29 +92,27 @@ class Saving:
             return None
         return checked_times(start_time, end_time, self.times, "times")
 
-    def require_no_steps(self, where: str, remedy: str) -> None:
-        """Check that steps are not requested, for runs that cannot keep them.
+    def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
+        """Check that results which a kind of run cannot keep are not requested.
 
-        **Arguments:** `where`, `remedy`: texts of the message, such as "of a run with derivatives".
+        **Arguments:** `names`: names of the fields that request these results; `where`, `remedy`:
+        the kind of run, such as "of a run with derivatives", and the remedy, for the message.
 
-        **Raises:** `ValueError` otherwise.
+        **Raises:** `ValueError` that names the first field that requests something.
         """
-        require(not self.steps, "steps", True, f"False {where}", remedy)
+        for name in names:
+            value = getattr(self, name)
+            is_flag = isinstance(value, bool)
+            given, expected = (value, "False") if is_flag else (sorted(value), "none")
+            require(not value, name, given, f"{expected} {where}", remedy)
 
-    def require_times_alone(self, where: str, remedy: str) -> None:
-        """Check that nothing but states at given times is requested; as `require_no_steps`."""
-        self.require_no_steps(where, remedy)
-        require(not self.impacts, "impacts", True, f"False {where}", remedy)
-        require(not self.sections, "sections", sorted(self.sections), f"none {where}", remedy)
-        self.require_no_outputs(where, remedy)
 
-    def require_no_outputs(self, where: str, remedy: str) -> None:
-        """Check that no reductions are requested; arguments and error as of `require_no_steps`."""
-        require(not self.outputs, "outputs", sorted(self.outputs), f"none {where}", remedy)
+EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")
+"""Fields of `Saving` that request other results than states at given times."""
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return the given `Saving`, or for ``None`` a `Saving` that keeps no results.
+    """Return `save`, or a `Saving` that requests no results if `save` is ``None``.
 
     **Raises:** `ValueError` for an argument of another type.
     """

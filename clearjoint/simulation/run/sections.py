@@ -1,8 +1,10 @@
-"""Poincaré sections: values of quantities at instants at which another quantity rises through zero.
+"""Poincaré sections: values of quantities at the instants at which another quantity rises through
+zero.
 
-Single runs and runs with derivatives compute the channels, the values of quantities, at each
-crossing. Lanes of sweeps record the state at each crossing, from which the channels are computed
-later: side by side, every lane would compute them in every step.
+These instants are called crossings, and the quantities to evaluate there channels. Single runs and
+runs with derivatives compute the channels at each crossing. Lanes of sweeps record the state at
+each crossing, from which the channels are computed later: since lanes are computed side by side,
+every lane would otherwise have to compute them in every step.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +18,7 @@ import numpy as np
 
 from ...export.labelled import Labelled, labelled_dataset
 from ...export.tabular import AbstractTabular
-from ...fields.checks import require_count
+from ...fields.checks import require, require_array_names, require_count
 from ...fields.conversion import on_device
 from ...fields.readable import AbstractReadable
 from ...math.interpolation import secant_root
@@ -24,18 +26,55 @@ from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
-from ..results.channels import Channels, check_channels, check_quantities
 from ..step.dense_output import DenseStep, Snapshot, on_constraints
 from ..step.step_state import Method
 from ..step.types import Numbers
-from .row_buffer import RowBuffer
+from .recorders import RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 if TYPE_CHECKING:
     import xarray as xr
 
 TIME = "time"
-"""Column of the times of crossings. No channel may have this name."""
+"""Name of the column with the times of crossings. No channel may have this name."""
+Channels = Mapping[str, tuple[Quantity, str]]
+"""Channels by name: pairs of a quantity and the text of its unit."""
+PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
+
+
+def check_channels(channels: Channels) -> None:
+    """Check that channels are pairs of a quantity and a unit, and that their names are valid.
+
+    A name must be usable as the name of an array, and differ from "time" and "count".
+
+    **Raises:** `ValueError` if not, and for an empty mapping.
+    """
+    require_array_names("channels", channels, PASS_CHANNELS)
+    fine = bool(channels) and all(
+        isinstance(pair, tuple)
+        and len(pair) == 2
+        and callable(pair[0])
+        and isinstance(pair[1], str)
+        for pair in channels.values()
+    )
+    require(
+        fine,
+        "channels",
+        channels,
+        "a (quantity, unit) pair by name",
+        PASS_CHANNELS,
+    )
+    taken = sorted({"time", "count"} & set(channels))
+    require(not taken, "channels", taken, "of names that the output does not use", "rename them")
+
+
+def check_quantities(channels: Channels, scene: Scene) -> None:
+    """Check that a scene has the elements that the quantities of channels name.
+
+    **Raises:** `ValueError` that names the channel.
+    """
+    for name, (quantity, _) in channels.items():
+        check_quantity(f"channel {name!r}", quantity, scene)
 
 
 class Crossing(eqx.Module):
@@ -49,13 +88,12 @@ class Crossing(eqx.Module):
     after: Scalar
 
     def level(self, now: Instant) -> Scalar:
-        """Return the section's level, which is the quantity that is zero at a crossing."""
+        """Return the quantity at an instant. It is called the level, and is zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def row(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
-        """Return time and state at the crossing in an accepted step.
-
-        For a step without a crossing the result has no meaning.
+        """Return time and state at the crossing in an accepted step. Without a crossing in the step
+        the result is meaningless.
 
         **Arguments:** `before`, `after`: the levels at the start and the end of the step.
         """
@@ -77,8 +115,8 @@ def crossing_row(
 ) -> Snapshot:
     """Return time and state at the instant of a step at which a function rises through zero.
 
-    **Arguments:** `value`: the function of time and state; `before`, `after`: its values at the
-    start and the end of the step.
+    **Arguments:** `dense_step`: the step; `value`: the function of time and state; `before`,
+    `after`: its values at the start and the end of the step.
     """
     start, end = dense_step.start.t, dense_step.end.t
     x = secant_root(lambda x: value(dense_step.within(method, x)), before, after)
@@ -88,9 +126,9 @@ def crossing_row(
 class SectionRecord(eqx.Module):
     """The crossings of a section in a run so far.
 
-    - `level`: the section's quantity after the latest accepted step, in its unit; a crossing is
-      where it rises through zero.
-    - `rows`: one row for each crossing. See `SectionRecorder`.
+    - `level`: the quantity that rises through zero at a crossing, after the latest accepted step,
+      in its unit.
+    - `rows`: one row for each crossing; see `SectionRecorder`.
     """
 
     level: Scalar
@@ -100,8 +138,10 @@ class SectionRecord(eqx.Module):
 class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
-    - `channels`: pairs of a name and a quantity. A row has the time and the values of all
-      quantities by name. If `channels` is ``None``, a row is a `Snapshot` of the state instead.
+    - `crossing`: the condition of a crossing.
+    - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
+      values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
+      state instead.
     - `capacity`: number of rows of the buffer.
     - `wanted`: largest number of rows in the buffer, by default `capacity`.
     """
@@ -112,16 +152,16 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     wanted: Scalar | None = None
 
     def start(self, start: RunStart) -> SectionRecord:
-        """Return the level at the start, and an empty buffer."""
+        """Return the level at the start of the run, and an empty buffer."""
         step = start.step
         row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
         return SectionRecord(self.crossing.level(start.now), RowBuffer.like(row, self.capacity))
 
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
-        """Return the record after a step was tried.
+        """Return the record after an attempt to take a step.
 
         A crossing in the step gets a row if the step was accepted, the time of the crossing is not
-        below `Crossing.after`, and more rows are wanted.
+        before `Crossing.after`, and more rows are wanted.
         """
         crossing, kept, before = self.crossing, step_outcome.kept, record.level
         after = crossing.level(step_outcome.now)
@@ -151,7 +191,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
 
 class Crossings(AbstractReadable, AbstractTabular):
-    """N crossings of a section.
+    """The N crossings of a Poincaré section in a run.
 
     - `times`: (N,) s, times of the crossings.
     - `values`: by name of a channel, (N,) values of its quantity at the crossings.
@@ -167,9 +207,10 @@ class Crossings(AbstractReadable, AbstractTabular):
     units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
 
     def to_xarray(self) -> "xr.Dataset":
-        """Return the crossings as an `xarray.Dataset`: a variable along "time" for each channel.
+        """Return the crossings as an `xarray.Dataset`, with a variable along "time" for each
+        channel.
 
-        "time" has the times of the crossings, s. See `AbstractTabular` for other formats.
+        "time" contains the times of the crossings, s. See `AbstractTabular` for other formats.
         """
         values = {
             name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
@@ -184,7 +225,8 @@ class Crossings(AbstractReadable, AbstractTabular):
 def with_units(
     crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """Return copies of crossings, by name of the section, with the units of its channels added."""
+    """Return copies of `crossings`, by name of the section, with the units of the channels, which
+    the `sections` know."""
     units = {
         name: {key: unit for key, (_, unit) in section.channels.items()}
         for name, section in sections.items()
@@ -193,7 +235,7 @@ def with_units(
 
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
-    """Return the crossings that the records contain, by name of the section, as NumPy arrays."""
+    """Return the crossings in the records of sections, by name of the section, as NumPy arrays."""
     tables = jax.device_get({name: record.rows for name, record in records.items()})
     return {name: _crossings(table) for name, table in tables.items()}
 
@@ -205,7 +247,8 @@ def _crossings(table: RowBuffer[dict[str, Scalar]]) -> Crossings:
 
 @dataclass(frozen=True)
 class Section:
-    """A Poincaré section: values of quantities at instants at which another one rises through zero.
+    """A Poincaré section: values of quantities at the instants at which another quantity rises
+    through zero.
 
     **Arguments:**
 
@@ -237,19 +280,19 @@ class Section:
 
     @property
     def condition(self) -> Crossing:
-        """The condition of the section, as an argument of compiled programs."""
+        """The condition of a crossing, in the form that compiled programs take as an argument."""
         return Crossing(self.crossing, on_device(self.after))
 
     @property
     def recorder(self) -> SectionRecorder:
-        """The recorder that tabulates the section's crossings in a run."""
+        """The recorder that tabulates the crossings of this section in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
         return SectionRecorder(self.condition, channels, self.count)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.
 
-        **Raises:** `ValueError` otherwise.
+        **Raises:** `ValueError` if not.
         """
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

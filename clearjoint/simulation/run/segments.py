@@ -1,8 +1,10 @@
-"""Segments of a run: the compiled loop of steps, with its recorders.
+"""Segments of a run: compiled functions that take a number of steps and return to Python.
 
 A segment ends at the end time, after the last time to save at, after a number of attempts, at a
-failure, or when a buffer of rows is full. Python then empties the buffers, shows progress and
-starts the next segment.
+failure, or when a buffer of recorded rows is full. Python then empties the buffers, shows progress
+and starts the next segment.
+
+Scene and states are passed in packed form, in which each vector is an array (3,).
 """
 
 from collections.abc import Mapping
@@ -13,22 +15,20 @@ import jax.numpy as jnp
 
 from ...math.vectors import Condition, ConstantFolded, Scalar
 from ...model.bodies import State
-from ..reductions.reductions import AbstractReduction
+from ..reductions.base import AbstractReduction
 from ..step.dense_output import look_inside
-from ..step.loops import PLAIN, AbstractLoops
+from ..step.loops import PLAIN, Loops
 from ..step.method import Scheme
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder
-from .recorders import LatestAttempt, ReductionRecorder, StepRecorder
-from .row_buffer import RowBuffer
-from .run_ends import begin_run, named, state_of
-from .run_loop import Progress, Recorders, RunLoop
+from .recorders import LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder
+from .run_loop import Progress, Recorders, RunLoop, begin_run, named, state_of
 from .sections import SectionRecorder
 
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
-"""Keys of the recorders: the latest accepted attempt, states after accepted steps, impacts; and
-sections and reductions by name."""
+"""Keys of the dictionary of recorders: the latest accepted attempt, states after accepted steps,
+and impacts; `SECTIONS` and `REDUCTIONS` lead to dictionaries by the name of the output."""
 
 
 def recorders_of(
@@ -38,14 +38,14 @@ def recorders_of(
     sections: Mapping[str, SectionRecorder],
     reductions: Mapping[str, AbstractReduction],
 ) -> Recorders:
-    """Return the recorders of a single run.
+    """Return the recorders of a single run, in a dictionary with the keys above.
 
     **Arguments:**
 
     - `saves`: whether states will be saved at given times.
     - `step_rows`, `impact_rows`: number of rows of the buffer of accepted steps, and of the buffer
       of each contact's impacts; ``None`` to record none.
-    - `sections`, `reductions`: recorders of crossings, and reductions, by name.
+    - `sections`, `reductions`: recorders of crossings, and reductions, by name of the output.
     """
     recorders: dict[str, Recorders] = {
         SECTIONS: dict(sections),
@@ -61,9 +61,11 @@ def recorders_of(
 
 
 class SavedStates(eqx.Module):
-    """States at the N times to save at of a segment.
+    """States at N times to save at.
 
-    `states`: in scalar form with N in front; `reached`: (N,), whether the run reached each time.
+    - `states`: the states, whose leaves have an additional first axis of length N; each vector is
+      three separate arrays.
+    - `reached`: (N,), whether the run has reached each time.
     """
 
     states: State
@@ -79,7 +81,7 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> Progress:
-    """Return the run before its first step.
+    """Return a run before its first step.
 
     **Arguments:**
 
@@ -91,7 +93,8 @@ def begin(
     method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = RunLoop(method, system, t_end, recorders).start(step)
-    # A loop's result has no weak types: with them the next segment would compile anew.
+    # The result of a loop has no weak types. If this result had some, the second segment would be
+    # compiled again.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), now)
 
 
@@ -103,14 +106,15 @@ def segment(
     save_times: Numbers | None,
     t_end: Scalar,
     attempts: Scalar,
-    loops: AbstractLoops = PLAIN,
+    loops: Loops = PLAIN,
 ) -> tuple[Progress, SavedStates | None]:
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
-    **Arguments:** `save_times`: (N,) s, rising, times to save at, or ``None``; `t_end`: s, end of
-    the run; `attempts`: largest number of attempts since the start of the run; `loops`: the kind
-    of loops, which depends on how the run is differentiated; others as in `begin`.
+    **Arguments:** `now`: the run so far; `save_times`: (N,) s, rising, times to save at, or
+    ``None``; `t_end`: s, end of the run; `attempts`: largest number of attempts since the start of
+    the run; `loops`: the kind of loops, which depends on how the run is differentiated; the others
+    as in `begin`.
 
     **Returns:** the run after the segment, and the states at the N times; ``None`` without times.
     """
@@ -129,7 +133,8 @@ def segment(
 
 
 def emptied(now: Progress) -> Progress:
-    """Return the run with empty buffers of steps and impacts, after Python has read their rows."""
+    """Return the run `now` with empty buffers of steps and impacts, to be called after Python has
+    read their rows."""
     read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
     empty = jax.tree.map(
         lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer

@@ -1,10 +1,11 @@
 """Derivatives of quantities along a motion with respect to parameters, with error control.
 
 Automatic differentiation of an adaptive solver gives the derivatives of its computed steps. Near
-impacts these differ from the derivatives of the exact motion. Here instead the variational
-equations are integrated together with the state, under the same error control. Entry speeds are
-differentiated at the true onset of a contact, and steps end at onsets within 1e-13 m of depth.
-`studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
+impacts these differ from the derivatives of the exact motion. Here, instead, the variational
+equations (the equations of motion, differentiated by the parameters) are integrated together with
+the state, under the same error control. Entry speeds of contacts are differentiated at the true
+onset of a contact, and steps end at onsets within 1e-13 m of penetration. `studies.speed_accuracy`
+measures the accuracy, and `studies.benchmark` the cost.
 """
 
 from collections.abc import Mapping
@@ -32,9 +33,9 @@ from ..results.solution import Trajectory, raise_failure
 from ..step import presets
 from ..step.settings import Settings, settings_or
 from ..step.spans import check_span, checked_times
-from .derivative_runs import derivative_scheme
 from .impact_recorder import impact_rows_of
 from .progress_bars import compiling_bar
+from .run_checks import derivative_scheme
 from .sampling import Sampled, padded, recorded_run
 from .saving import Saving, saving_or_nothing
 from .sections import Crossings, crossings_of, with_units
@@ -177,8 +178,8 @@ def sensitivities(
     check_span(start_time, end_time)
     requested = checked_times(start_time, end_time, times, "times")
     save = saving_or_nothing(save)
-    save.require_no_steps("of a run with derivatives", "take simulate() for them")
-    save.require_no_outputs("of a run with derivatives", "take simulate() for them")
+    unsupported = "of a run with derivatives", "take simulate() for them"
+    save.require_none(["steps", "outputs"], *unsupported)
     save.check(scene, settings.ledger)
     saved = save.times_between(start_time, end_time)
     # One run serves both: outputs and states are evaluated at all times, and selected afterwards.
@@ -216,11 +217,16 @@ def _result(
     saved: np.ndarray | None,
     start_time: float,
 ) -> Sensitivities:
-    """Return the results of a run, with outputs and states selected from the rows at `all_times`.
+    """Return the results of a run with derivatives, with outputs and states selected from the rows
+    at `all_times`.
 
-    **Arguments:** `sampled`: outputs, derivatives and states at `all_times`; `all_times`: (A,) s,
-    `requested` and `saved` together; `requested`: (N,) s, times of the outputs; `saved`: (S,) s,
-    times of states, or ``None``; `start_time`: s, added to times of impacts.
+    **Arguments:**
+
+    - `sampled`: outputs, derivatives and states at `all_times`; `parameters`: names.
+    - `all_times`: (A,) s, `requested` and `saved` together.
+    - `requested`: (N,) s, times of the outputs.
+    - `saved`: (S,) s, times of the states, or ``None``.
+    - `start_time`: s, added to the times of impacts.
     """
     rows = _rows_reached(sampled, all_times, requested)
     return Sensitivities(
@@ -245,7 +251,8 @@ def _result(
 def _rows_reached(
     sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the indices in `all_times` of those `times`, both s and rising, that were reached."""
+    """Return the indices in `all_times` of those `times` that the run reached. Both are rising, in
+    s."""
     rows = np.searchsorted(all_times, times)
     return rows[sampled.reached[rows]]
 
@@ -253,14 +260,14 @@ def _rows_reached(
 def _trajectory(
     sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
 ) -> Trajectory:
-    """Return the trajectory at those `times` (a subset of `all_times`) that the run reached."""
+    """Return the trajectory at those `times`, a subset of `all_times`, that the run reached."""
     rows = _rows_reached(sampled, all_times, times)
     states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
     return Trajectory(times[: len(rows)], pack(states))
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
-    """Check that outputs are functions by name, and that the scene has the elements they name.
+    """Check that outputs are functions by name, and that the scene has the elements that they name.
 
     **Raises:** `ValueError` that names the first invalid output, and for an empty mapping.
     """

@@ -1,4 +1,9 @@
-"""Simulation, block by block of periods, until a motion is periodic, steady or stationary."""
+"""Simulate until a motion is periodic, steady or stationary.
+
+A run covers a block of periods. After each block, the motion is compared with itself some periods
+earlier. For this comparison the motion is reduced to a table with one row of numbers for each
+period, as under a stroboscope.
+"""
 
 import enum
 from dataclasses import dataclass, replace
@@ -15,7 +20,6 @@ from ..results.solution import Solution
 from ..step import presets
 from ..step.settings import Settings, settings_or
 from .progress_bars import ProgressBar
-from .recurrence import CONFIRMING, Strobe, section_strobe, stillness, strobe_of
 from .saving import Saving
 from .sections import Section
 from .simulate import simulate
@@ -28,11 +32,11 @@ SECTION = "settle"
 
 
 class Settling(enum.Enum):
-    """How a motion settled; the value of each member is a description in words.
+    """How a motion settled. The value of each member is a description in words.
 
     - `PERIODIC`: it repeats after a number of periods.
     - `STEADY`: it is at rest.
-    - `STATIONARY`: it does not repeat, but means and standard deviations are constant.
+    - `STATIONARY`: it does not repeat, but its means and standard deviations are constant.
     - `UNSETTLED`: none of these after the largest number of periods.
     - `FAILED`: a run ended with a failure.
 
@@ -85,7 +89,7 @@ class Settled:
 
     @property
     def settled(self) -> bool:
-        """``True`` if the motion is periodic, steady or stationary."""
+        """Whether the motion is periodic, steady or stationary."""
         return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
 
     def __str__(self) -> str:
@@ -98,6 +102,132 @@ class Settled:
             f"; the last change is {self.changes[-1]:.2g} of its range" if len(self.changes) else ""
         )
         return f"The motion is {self.kind.value}{repeats} {after}{last}."
+
+
+SETTLED_STATISTICS = 0.1
+"""Two spans of a motion count as having the same statistics if their means, and their standard
+deviations, differ by at most this part of the range of the motion."""
+CONFIRMING = 3
+"""Smallest number of successive periods that must each equal an earlier period in a motion that
+counts as periodic."""
+STILL = 1e-6
+"""Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided."""
+
+
+@dataclass(frozen=True)
+class Strobe:
+    """A motion as D numbers for each of n periods.
+
+    - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
+    - `scales`: (D,), for each column the range of the motion by which its changes are divided.
+    """
+
+    rows: Float[np.ndarray, "n D"]
+    scales: Float[np.ndarray, " D"]
+
+    def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
+        """Return the change of the motion since `multiple` periods earlier, for each of the later
+        periods.
+
+        **Returns:** (n - multiple,), the largest change in any column, each divided by its scale.
+        """
+        difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
+        return np.max(difference / self.scales, axis=1, initial=0.0)
+
+    def multiple(self, largest: int, tolerance: float) -> int | None:
+        """Return the smallest number m of periods after which the motion repeats, or ``None`` if
+        there is none up to `largest`.
+
+        The motion repeats if each of the last m periods, and at least of the last `CONFIRMING`,
+        equals the period m periods earlier, with changes of at most `tolerance`.
+        """
+        for multiple in range(1, largest + 1):
+            needed = max(multiple, CONFIRMING)
+            changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
+            if len(changes) >= needed and bool(np.all(changes[-needed:] <= tolerance)):
+                return multiple
+        return None
+
+    def statistics_settled(self) -> bool:
+        """Return whether means and standard deviations in the third and the last quarter of the
+        periods differ by at most `SETTLED_STATISTICS` of the range."""
+        quarter = len(self.rows) // 4
+        if quarter < 2:
+            return False
+        spans = self.rows[-2 * quarter : -quarter], self.rows[-quarter:]
+        means, deviations = ([f(span, axis=0) for span in spans] for f in (np.mean, np.std))
+        apart = [np.abs(a - b) / self.scales for a, b in (means, deviations)]
+        return bool(np.max(apart) <= SETTLED_STATISTICS)
+
+
+def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
+    """Return "position" (m), "velocity" (m/s), "spin" (rad/s) and "orientation" of all bodies in N
+    states.
+
+    Each is an array (N, bodies, components). An orientation has as its 16 components the products
+    of its Euler parameters, since these do not depend on the parameters' common sign.
+    """
+    bodies = [jax.tree.map(np.asarray, body) for body in states.bodies.values()]
+    products = [b.orientation[:, :, None] * b.orientation[:, None, :] for b in bodies]
+    return {
+        "position": np.stack([b.position for b in bodies], axis=1),
+        "velocity": np.stack([b.velocity for b in bodies], axis=1),
+        "spin": np.stack([b.spin for b in bodies], axis=1),
+        "orientation": np.stack([part.reshape(len(part), 16) for part in products], axis=1),
+    }
+
+
+def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
+    """Return the range of each array from `columns`, by name: the largest range of any component
+    over the N states, but at least `STILL`, and 1 for orientations."""
+    sizes = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
+    return {name: max(size, STILL) for name, size in sizes.items()} | {"orientation": 1.0}
+
+
+def strobe_of(states: State, phases: int) -> Strobe:
+    """Return a motion of n periods as a table, from states at `phases` instants of each period.
+
+    The scales are the ranges in the last `CONFIRMING` periods.
+
+    **Arguments:** `states`: n * phases states in the order of time, as one state whose arrays have
+    a first axis of that length.
+    """
+    parts = columns(states)
+    sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
+    whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
+    scales = [np.full(one.shape[1], sizes[name]) for name, one in zip(parts, whole, strict=True)]
+    return Strobe(np.concatenate(whole, axis=1), np.concatenate(scales))
+
+
+def stillness(states: State, last: int) -> float:
+    """Return the range of a motion in its `last` states, relative to the range in all states.
+
+    It is the largest of the relative ranges of positions, velocities, spins and orientations.
+    """
+    parts = columns(states)
+    sizes = ranges(parts)
+    late = {name: part[-last:] for name, part in parts.items()}
+    return max(float(np.max(np.ptp(part, axis=0))) / sizes[name] for name, part in late.items())
+
+
+def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
+    """Return a motion as a table with one row for each crossing of a Poincaré section except the
+    first.
+
+    A row contains the time since the previous crossing, s, and the value of each channel of the
+    section. The scales are the mean time between crossings, and the largest magnitude of each
+    channel.
+
+    **Arguments:** `times`: (n,) s, times of the crossings; `values`: for each channel, its values
+    at the crossings, (n,).
+    """
+    waits = np.diff(times)
+    rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
+    sizes = [
+        np.mean(waits) if len(waits) else 1.0,
+        *(np.max(np.abs(v), initial=0.0) for v in values),
+    ]
+    return Strobe(rows, np.maximum(np.array(sizes), STILL))
 
 
 def settle(
@@ -154,112 +284,76 @@ def settle(
 
     **Raises:** `ValueError` for invalid arguments.
     """
-    _check(periods, largest_multiple, tolerance)
-    rhythm = _rhythm(period, section, span)
+    require_count("periods", periods, "allow some hundred")
+    require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
+    require_positive("tolerance", tolerance, "1e-5 of the motion's range is usual")
+    length = _period(period, section, span)
     settings = settings_or(settings, presets.accurate)
-    now = _Runs(state, start_time, RESULTS.successful, ())
+    runs: list[Solution] = []
+    time, assessment = start_time, None
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     bar = ProgressBar(
         total=periods, desc="settle", bar_format=text, leave=False, disable=not progress
     )
     with bar:
-        while True:
-            now = now.after(scene, settings, rhythm)
+        while assessment is None:
+            times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
+            save, end = Saving(times), float(times[-1])
+            if section is not None:
+                # More crossings than `BLOCK` may occur, as the span is only a rough guess.
+                most = replace(section, count=PHASES * BLOCK, after=time)
+                save = Saving(times, sections={SECTION: most})
+            options = {"start_time": time, "throw": False, "progress": False}
+            runs.append(simulate(scene, state, end, settings, save, **options))
+            state, time = runs[-1].final, float(runs[-1].time)
             bar.update(BLOCK)
             # Statistics need all periods, so they are compared only after the last block.
-            last = BLOCK * len(now.parts) >= periods
-            assessment = _assessment(now, rhythm, largest_multiple, tolerance, last)
-            if assessment is not None:
-                return _settled(now, rhythm, start_time, *assessment)
-
-
-@dataclass(frozen=True)
-class _Rhythm:
-    """Instants at which a motion is compared.
-
-    `period`: s; `section`: ``None``, or a section that is crossed about once in a `period`.
-    """
-
-    period: float
-    section: Section | None
-
-    def saving(self, start: float) -> Saving:
-        """Return the results that the run of a block from `start`, s, must keep.
-
-        They are states at all phases of `BLOCK` periods, and the crossings of the section.
-        """
-        times = start + self.period * np.arange(1, PHASES * BLOCK + 1) / PHASES
-        if self.section is None:
-            return Saving(times)
-        # More crossings than `BLOCK` may occur, as the span is only a rough guess.
-        most = replace(self.section, count=PHASES * BLOCK, after=start)
-        return Saving(times, sections={SECTION: most})
-
-
-@dataclass(frozen=True)
-class _Runs:
-    """State, time (s) and result code after the latest run, and the solutions of all runs."""
-
-    state: State
-    time: float
-    result: RESULTS
-    parts: tuple[Solution, ...]
-
-    def after(self, scene: Scene, settings: Settings, rhythm: _Rhythm) -> "_Runs":
-        """Simulate `BLOCK` more periods and return the runs with the new solution."""
-        save = rhythm.saving(self.time)
-        end = float(np.asarray(save.times)[-1])
-        solution = simulate(
-            scene,
-            self.state,
-            end,
-            settings,
-            save,
-            start_time=self.time,
-            throw=False,
-            progress=False,
-        )
-        parts = (*self.parts, solution)
-        return _Runs(solution.final, float(solution.time), solution.result, parts)
-
-    def states(self) -> State:
-        """Return the states at all phases of all periods, with their number in front."""
-        return jax.tree.map(lambda *rows: np.concatenate(rows), *(p.states for p in self.parts))
-
-    def crossings(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the times of all n crossings of the section, (n,) s, and a list of channels.
-
-        Each item of the list is the values of one channel at the crossings, (n,).
-        """
-        parts = [part.sections[SECTION] for part in self.parts]
-        times = np.concatenate([np.asarray(part.times) for part in parts])
-        names = parts[0].values
-        channels = ([np.asarray(part.values[name]) for part in parts] for name in names)
-        return times, [np.concatenate(channel) for channel in channels]
-
-    def strobe(self, rhythm: _Rhythm) -> Strobe:
-        """Return the motion as one row of numbers for each period."""
-        if rhythm.section is None:
-            return strobe_of(self.states(), PHASES)
-        return section_strobe(*self.crossings())
+            last = BLOCK * len(runs) >= periods
+            assessment = _assessment(runs, section, largest_multiple, tolerance, last)
+    kind, multiple = assessment
+    # A run that failed does not count.
+    finished = [run for run in runs if run.result == RESULTS.successful]
+    strobe = _strobe(finished, section)
+    if section is not None:
+        # The transient has other times between crossings than the last periods.
+        crossings = _crossing_times(finished)[-CONFIRMING * BLOCK :]
+        period = float(np.mean(np.diff(crossings))) if len(crossings) > 1 else None
+    changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
+    return Settled(
+        kind=kind,
+        state=state,
+        time=time,
+        start_time=start_time,
+        periods=len(strobe.rows),
+        multiple=multiple,
+        period=None if period is None else float(period),
+        changes=changes,
+        result=runs[-1].result,
+    )
 
 
 def _assessment(
-    now: _Runs, rhythm: _Rhythm, largest_multiple: int, tolerance: float, last: bool
+    runs: list[Solution],
+    section: Section | None,
+    largest_multiple: int,
+    tolerance: float,
+    last: bool,
 ) -> tuple[Settling, int | None] | None:
-    """Return how the motion has settled, and the number of periods after which it repeats.
+    """Decide whether the motion of successive runs has settled.
 
-    The number is ``None`` unless the motion is periodic. The result is ``None`` as a whole if the
-    motion may still settle.
+    **Arguments:** `section`, `largest_multiple`, `tolerance`: as those of `settle`; `last`: whether
+    no further run follows.
 
-    **Arguments:** `last`: whether no further run follows.
+    **Returns:** how the motion has settled, and the number of periods after which it repeats,
+    ``None`` unless it is periodic. The result is ``None`` as a whole if the motion may still
+    settle.
     """
-    if now.result != RESULTS.successful:
+    if runs[-1].result != RESULTS.successful:
         return Settling.FAILED, None
-    # A motion at rest repeats itself too, so ask for that first.
-    if stillness(now.states(), PHASES * CONFIRMING) <= tolerance:
+    # A motion at rest repeats itself too, so this is checked before periods.
+    if stillness(_states(runs), PHASES * CONFIRMING) <= tolerance:
         return Settling.STEADY, None
-    strobe = now.strobe(rhythm)
+    strobe = _strobe(runs, section)
     multiple = strobe.multiple(largest_multiple, tolerance)
     if multiple is not None:
         return Settling.PERIODIC, multiple
@@ -268,36 +362,31 @@ def _assessment(
     return (Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED), None
 
 
-def _settled(
-    now: _Runs, rhythm: _Rhythm, start_time: float, kind: Settling, multiple: int | None
-) -> Settled:
-    """Return the result of `settle`; a run that failed does not count in `periods` and `changes`.
-
-    **Arguments:** `kind`, `multiple`: as in `Settled`.
-    """
-    finished = replace(now, parts=tuple(p for p in now.parts if p.result == RESULTS.successful))
-    strobe = finished.strobe(rhythm) if finished.parts else Strobe(np.zeros((0, 1)), np.ones(1))
-    period: float | None = rhythm.period
-    if rhythm.section is not None:
-        times = finished.crossings()[0] if finished.parts else np.zeros(0)
-        # The transient has other times between crossings than the last periods.
-        period = float(np.mean(np.diff(times[-CONFIRMING * BLOCK :]))) if len(times) > 1 else None
-    changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
-    return Settled(
-        kind=kind,
-        state=now.state,
-        time=now.time,
-        start_time=start_time,
-        periods=len(strobe.rows),
-        multiple=multiple,
-        period=period,
-        changes=changes,
-        result=now.result,
-    )
+def _strobe(runs: list[Solution], section: Section | None) -> Strobe:
+    """Return the motion of successive runs as one row of numbers for each period or, with a
+    section, for each crossing except the first."""
+    if not runs:
+        return Strobe(np.zeros((0, 1)), np.ones(1))
+    if section is None:
+        return strobe_of(_states(runs), PHASES)
+    parts = [run.sections[SECTION].values for run in runs]
+    channels = [np.concatenate([np.asarray(part[name]) for part in parts]) for name in parts[0]]
+    return section_strobe(_crossing_times(runs), channels)
 
 
-def _rhythm(period: float | None, section: Section | None, span: float | None) -> _Rhythm:
-    """Return the instants at which the motion is compared, from the arguments of `settle`.
+def _states(runs: list[Solution]) -> State:
+    """Return the saved states of all runs, whose arrays have a first axis of states."""
+    return jax.tree.map(lambda *rows: np.concatenate(rows), *(run.states for run in runs))
+
+
+def _crossing_times(runs: list[Solution]) -> Float[np.ndarray, " n"]:
+    """Return the times at which the section was crossed in all runs, (n,) s."""
+    return np.concatenate([np.zeros(0), *(run.sections[SECTION].times for run in runs)])
+
+
+def _period(period: float | None, section: Section | None, span: float | None) -> float:
+    """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`,
+    or `span` with a section.
 
     **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given.
     """
@@ -308,17 +397,11 @@ def _rhythm(period: float | None, section: Section | None, span: float | None) -
         number = as_number(period, "period", "s")
         require_positive("period", number, "give it in s: 2 pi over the drive's speed")
         require(span is None, "span", span, "None beside a period", "leave it out")
-        return _Rhythm(float(period), None)
+        return float(period)
     kind = type(section).__name__
     require(isinstance(section, Section), "section", kind, "a Section", remedy)
     remedy = "give a time in s in which the section is crossed about once"
     require(span is not None, "span", span, "given with a section", remedy)
     assert span is not None
     require_positive("span", span, remedy)
-    return _Rhythm(float(span), section)
-
-
-def _check(periods: int, largest_multiple: int, tolerance: float) -> None:
-    require_count("periods", periods, "allow some hundred")
-    require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
-    require_positive("tolerance", tolerance, "1e-5 of the motion's range is usual")
+    return float(span)

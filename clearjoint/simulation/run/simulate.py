@@ -1,4 +1,4 @@
-"""Simulation of a scene from an initial state: checks, the run, and warnings."""
+"""Simulation of a scene from an initial state: the function `simulate`."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native
 from ...result_codes import RESULTS
-from ..results.law_ranges import beyond_law_ranges
+from ..results.impact_table import beyond_law_ranges
 from ..results.solution import Solution, raise_failure
 from ..step import presets
 from ..step.dense_output import require_dense
@@ -29,7 +29,7 @@ from .host_run import Run
 from .impact_recorder import ROWS
 from .interruptions import RunInterrupted
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
-from .saving import Saving, saving_or_nothing
+from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .segments import begin, recorders_of
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
@@ -111,7 +111,7 @@ def simulate(
     admissible = None
     if traced:
         # Values are unknown while JAX traces: their checks become a condition of the program.
-        save.require_times_alone("under a transformation of JAX", LEAVE_OUT)
+        save.require_none(EXCEPT_TIMES, "under a transformation of JAX", LEAVE_OUT)
         admissible = in_domain(
             lambda: _check_numbers(scene, state, start_time, end_time, settings, save)
         )
@@ -159,7 +159,8 @@ begin_compiled = Native(begin)
 
 
 def _array(number: Numbers, traced: bool) -> Any:
-    """Return a number as an array of NumPy, which is faster to make, or of JAX if it is traced."""
+    """Return a number as a JAX array if it is traced, otherwise as a NumPy array, which is faster
+    to make."""
     return on_device(number) if traced else np.asarray(number, float)
 
 
@@ -182,7 +183,8 @@ def _check_numbers(
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Warn of journals outside their bearings, and of contacts deeper than their laws' ranges.
+    """Warn of journals outside their bearings, and of contacts deeper than their laws' ranges of
+    validity.
 
     **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
     """

@@ -1,4 +1,5 @@
-"""Impact of a free mass on a wall, which shows a contact law's restitution and peak force."""
+"""Impact of a free mass on a wall, which shows the restitution and the peak force of a contact
+law."""
 
 from dataclasses import dataclass
 
@@ -23,8 +24,8 @@ STEPS_A_CONTACT = 500
 LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
-"""Penetration at the start, m. It is positive, so that also a law whose force jumps at zero
-penetration has a force at once."""
+"""Penetration at the start, m. It is positive, so that a law whose force jumps at zero penetration
+has a force from the start."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,16 @@ def _contact(
     clearance: float | None,
     longest_step: Scalar,
 ) -> diffrax.Solution:
+    """Simulate the motion of a mass, kg, that meets a wall at the entry speed, m/s, until the force
+    ends.
+
+    **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
+    `longest_step`: s.
+
+    **Returns:** diffrax's solution with the times `ts` of all steps and the penetrations, m, and
+    their rates, m/s, in `ys`.
+    """
+
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
         gap = Gap(y[0], y[1], bearing_radius, clearance)
@@ -129,6 +140,7 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Return the peak of sampled values, (N,): that of a parabola through the largest three."""
+    """Return the peak of a sampled curve, (N,): that of the parabola through its largest value and
+    the values beside it."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])

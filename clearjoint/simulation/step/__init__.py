@@ -1,1 +1,2 @@
-"""One step of a run: trial, acceptance, landing on events, and derivatives by parameters."""
+"""One step of a run: a trial step, its acceptance, its adjustment to end at events, and
+derivatives."""

@@ -1,4 +1,8 @@
-"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed."""
+"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed.
+
+An event is the onset or the end of a contact. Landing is the adjustment of a step so that it ends
+at an event. Tangents are derivatives of the variables with respect to parameters.
+"""
 
 from typing import Any, TypeAlias
 
@@ -21,23 +25,26 @@ from .step_length import (
     magnitudes,
     with_relative_bristles,
 )
-from .step_state import Method, Proposal, Step, Variables, choose
+from .step_state import ControllerState, Method, Proposal, Step, Variables, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), with diffrax's annotation."""
 
 DRIVER_TOLERANCE = 3.0
-"""Largest difference between a driver's change over a step and the integral of its rates, in
-relative tolerances of the step."""
+"""Largest difference between a driver's change over a step and the integral of its rate, as a
+multiple of the step's relative tolerance. A driver is a constraint that prescribes a motion as a
+function of time."""
 FIXED_STEPS_RTOL = 1e-6
-"""Relative tolerance for drivers if the controller has none, as in runs with fixed steps."""
+"""Relative tolerance for drivers if the step-size controller has none, as in runs with fixed
+steps."""
 SHORTER = 0.2
-"""Length of the next trial, relative to a trial that is rejected because a driver is not smooth."""
+"""Length of the next trial, relative to the last one, after a trial that is rejected because a
+driver is not smooth."""
 
 
 class StepDecision(eqx.Module):
-    """What happens after a trial.
+    """The decision after a trial step.
 
     - `keep`: whether the trial is accepted; `proposal`: the step to try next.
     - `result`: the result code of the run so far.
@@ -48,39 +55,27 @@ class StepDecision(eqx.Module):
     result: RESULTS
 
 
-class _ControllerDecision(eqx.Module):
-    """Outputs of diffrax's step-size controller for a trial, by the names of its API; `t_next` in
-    s."""
-
-    keep: Flag
-    t_next: Single
-    made_jump: Flag
-    controller_state: object
-    result: diffrax.RESULTS
-
-
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, after: ContactGaps, t_end: Scalar
 ) -> StepDecision:
-    """Decide whether a trial is accepted, and which step is tried next.
+    """Decide whether a trial step is accepted, and which step is tried next.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
-    a driver is not smooth over the step, or if the step passes a contact event on which it must
-    land. It is then repeated, in the first case with a shorter step, in the second case up to the
+    a driver is not smooth over the step, or if the step passes a contact event at which it must
+    end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
     **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
     trial; `t_end`: end of the run, s.
     """
     t1, last = trial.t1, step.proposal
-    decision = _controller_decision(method, system, step, trial)
-    keep, t_next = decision.keep, decision.t_next
-    controller_state = decision.controller_state
-
-    # 1. Drivers. The equations of motion use only second rates of a driver, at the stages. A kink
-    # or jump between stages leaves no trace in the error estimate, so it is checked separately. One
-    # that no breakpoint declares is approached in shorter and shorter steps, until `_result` stops
-    # the run.
+    keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
+        method, system, step, trial
+    )
+    # 1. Drivers. The equations of motion use only second time derivatives of a driver, at the
+    # solver's stages. A kink or jump between stages does not change the error estimate, so it is
+    # checked separately. If no breakpoint declares it, the steps towards it become shorter and
+    # shorter, until `_result` stops the run.
     rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
@@ -119,9 +114,9 @@ def decide_step(
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
         jumps = changes(step.contact_gaps, after)
-    made_jump = jnp.where(keep, decision.made_jump | jumps, last.made_jump)
+    made_jump = jnp.where(keep, made_jump | jumps, last.made_jump)
 
-    result = _result(system, step, trial, keep, refused, t_next, decision.result, after, t_end)
+    result = _result(system, step, trial, keep, refused, t_next, controller_result, after, t_end)
     if trial.tangents is not None and may_have_undeclared_jump(system.scene):
         # States stay right across a jump that nobody declared; derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial, after)
@@ -139,11 +134,11 @@ def decide_step(
 
 
 def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Condition) -> Scalar | None:
-    """Return the time since the latest onset for the next `Proposal`, s; ``None`` without
-    derivatives.
+    """Return the time since the latest onset of a contact for the next `Proposal`, s; ``None`` in
+    runs without tangents.
 
-    **Arguments:** `after`: the contact gaps at the end `t1`, s, of the trial; `keep`: whether the
-    trial is accepted.
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end `t1`, s,
+    of the trial; `keep`: whether the trial is accepted.
     """
     since = step.proposal.time_since_onset
     if since is None:
@@ -154,11 +149,14 @@ def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Conditio
 
 def _controller_decision(
     method: Method, system: System, step: Step, trial: Trial
-) -> _ControllerDecision:
-    """Ask the step-size controller, with the errors of variables and tangents together.
+) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
+    """Ask diffrax's step-size controller about a trial step from `step`.
 
-    The controller has one tolerance for both. Errors of tangents are therefore divided by
-    `derivative_tolerance` first.
+    It gets the errors of variables and tangents together. Since it has one tolerance for both,
+    errors of tangents are divided by `derivative_tolerance` first.
+
+    **Returns:** whether the trial is accepted; the end of the next step, s; whether the rates may
+    jump there; the controller's new state; and its result code.
     """
 
     def scaled(y: Variables) -> Variables:
@@ -182,7 +180,7 @@ def _controller_decision(
         error_order(method),
         step.proposal.controller_state,
     )
-    return _ControllerDecision(keep, t_next, made_jump, state, result)
+    return keep, t_next, made_jump, state, result
 
 
 def _result(
@@ -196,15 +194,16 @@ def _result(
     after: ContactGaps,
     t_end: Scalar,
 ) -> RESULTS:
-    """Return the result code of the run after a trial; a later check overrides an earlier one.
+    """Return the result code of the run after a trial step. If several checks fail, the last one
+    decides.
 
     **Arguments:**
 
+    - `step`: the state before the trial; `after`: the contact gaps at the end of the trial.
     - `keep`: whether the trial is accepted.
     - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
     - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
     - `controller_result`: diffrax's result code of the controller.
-    - `after`: the contact gaps at the end of the trial.
     """
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

@@ -1,11 +1,11 @@
-"""State at a breakpoint: velocity jumps prescribed by drivers, and derivatives across breakpoints.
+"""Corrections of a step that ends at a breakpoint: velocity jumps, and derivatives by parameters.
 
-A step that lands on a breakpoint is corrected as in `.saltation`: the change of the rates at the
-breakpoint, times the time since the breakpoint, is added to the variables. This time is zero to
-rounding, but its derivatives by the parameters on which the breakpoint depends are not zero. Where
-the angle of a driver has a kink, an impulse of the constraints changes the velocities. The new
-velocities are those that satisfy the constraints and differ least from the old ones, in the metric
-of the mass matrix.
+A breakpoint is a declared time at which a driver or load changes abruptly. A step that ends at a
+breakpoint is corrected as in `.saltation`: the change of the rates at the breakpoint, times the
+time since the breakpoint, is added to the variables. This time is zero except for rounding, but it
+has derivatives by the parameters on which the breakpoint depends. Where the angle of a driver has a
+kink, an impulse of the constraints changes the velocities. The new velocities are those that
+satisfy the constraints and differ least from the old ones, in the metric of the mass matrix.
 """
 
 from collections.abc import Mapping
@@ -30,10 +30,10 @@ T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
-    """A force whose wrenches and power are interpolated linearly between those at two times.
+    """A force whose wrenches and power are interpolated linearly between their values at two times.
 
     - `force`: the force; `before`, `after`: the two times of the scene, s.
-    - `share`: 0 for the values at `before`, 1 for those at `after`.
+    - `share`: position between the two values, 0 for those at `before` and 1 for those at `after`.
     """
 
     force: AbstractForce
@@ -73,12 +73,13 @@ def across_breakpoints(
     t: Scalar,
     keep: Condition,
 ) -> Variables:
-    """Return the variables at the end of a step, corrected if the step lands on breakpoints.
+    """Return the variables at the end of a step, corrected if the step ends at breakpoints.
 
     **Arguments:**
 
-    - `start`, `t`: start and end of the step, s since the system's `origin`.
-    - `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
+    - `start`, `t`: start and end of the step, s, on the clock of `system`.
+    - `y`: variables at the end of the step; `entry_speeds`: entry speeds of contacts at its start,
+      m/s.
     - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
     scene = system.scene
@@ -95,14 +96,17 @@ def across_breakpoints(
 
     def corrected(y: Variables) -> Variables:
         if joints:
-            # Back to the breakpoint with the old rates, the velocity jump there, and forward again
-            # with the new rates. The time is zero to rounding; its derivative is what counts.
+            # Move back to the breakpoint with the old rates, apply the velocity jump there, and
+            # move forward again with the new rates. The time of these moves is zero except for
+            # rounding, but its derivatives are not.
             time = _mean_time(joints)
             y = _moved_on(y, rates(none, y, before), -time)
             y = _past_kink(_with_shares(system, before, after, none), y, after - time)
             y = _moved_on(y, rates(none, y, after), time)
         if forces:
-            # As in `across_contacts`: the derivative along the shares is the change of the rates.
+            # The rates depend linearly on the share of each switched force. So the derivative of
+            # the rates, in the direction in which each share grows by the time since the force's
+            # breakpoint, is the sum of the changes of the rates times these times.
             times = {name: time for name, (_, time) in forces.items()}
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
         return y
@@ -117,9 +121,11 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`.
+    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`
+    with this share.
 
-    **Arguments:** `before`, `after`: times on both sides of a breakpoint, s since the `origin`.
+    **Arguments:** `before`, `after`: times on both sides of a breakpoint, s, on the clock of
+    `system`.
     """
     sides = system.clock(before), system.clock(after)
     forces = {
@@ -130,26 +136,27 @@ def _with_shares(
 
 
 def _mean_time(since: dict[str, tuple[Condition, Scalar]]) -> Scalar:
-    """Return the mean of the times since the breakpoints on which a step lands, s.
+    """Return the mean of the times since the breakpoints at which a step ends, s.
 
     Drivers with breakpoints at the same instant are assumed to change together.
 
-    **Arguments:** `since`: whether the step lands on a breakpoint of the driver, and the time since
-    this breakpoint, s (zero if not); by driver.
+    **Arguments:** `since`: by driver, whether the step ends at a breakpoint of the driver, and the
+    time since this breakpoint, s (zero if it does not).
     """
     count = sum(jnp.asarray(lands, float) for lands, _ in since.values())
     return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
 
 
 def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
-    """Return the variables moved on with constant rates for a `time`, s."""
+    """Return the variables `y` after a `time`, s, with constant `rates`."""
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables with velocities that satisfy the constraints just after the time t, s.
 
-    The ledger counts the kinetic energy that the impulse of the constraints adds as "supplied".
+    The energy ledger counts the kinetic energy that the impulse of the constraints adds as
+    "supplied".
     """
     motion = system.project_velocities(y.motion, t)
     work = y.work
@@ -160,6 +167,6 @@ def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def joints_have_breakpoints(scene: Scene) -> bool:
-    """Return whether a joint or driver has breakpoints, at which velocities may jump. Breakpoints
-    of forces change accelerations only."""
+    """Return whether a joint or driver of the scene has breakpoints, at which velocities may jump.
+    At breakpoints of forces only accelerations change."""
     return any(name in scene.joints for name in breakpoints(scene))

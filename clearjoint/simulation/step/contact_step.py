@@ -1,8 +1,8 @@
 """Peak and end of a contact within one step, from its gap at the ends of the step.
 
-The penetration is interpolated by a quintic through its value, first and second derivative at both
-ends, which is two orders more accurate than the solver's dense output. The contact law at the
-interpolated penetration gives the force.
+The depth of a contact (its penetration, m) is interpolated by a quintic polynomial through its
+value, first and second time derivative at both ends of the step, which is two orders more accurate
+than the solver's dense output. The contact law at the interpolated depth gives the force.
 """
 
 from collections.abc import Callable
@@ -29,19 +29,21 @@ from ...model.contact.laws import AbstractContactLaw, contact_normal_force
 from ...model.joints.base import ByLabel
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest distance, m, of a step at entry speed for which rates inside the step are found from
-depths; in a shorter step, rounding of the depths dominates their differences."""
+"""Smallest distance, m, covered in a step at entry speed for which rates inside the step are
+computed from depths. In a shorter step, rounding errors of the depths dominate their
+differences."""
 PIECES = 4
-"""Number of equal intervals at whose ends a step is first searched for its peak. If steps do not
-land on contact events, one step may contain a whole contact."""
+"""Number of equal intervals into which a step is divided for the first search of its peak. If steps
+do not end at contact events, one step may contain a whole contact."""
 
 
 class ContactInstant(eqx.Module):
     """A contact at one instant.
 
     - `gap`: depth, m, and its rate, m/s.
-    - `second_rate`: second derivative of the depth, m/s^2.
-    - `entry_speed`: m/s, zero in flight; ``None`` if the contact law does not use it.
+    - `second_rate`: second time derivative of the depth, m/s^2.
+    - `entry_speed`: m/s, rate of the depth at the onset of the contact, zero in flight; ``None`` if
+      the contact law does not use it.
     """
 
     gap: Gap
@@ -49,14 +51,17 @@ class ContactInstant(eqx.Module):
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Return whether the contact has a force. It has one if its entry speed is set or, if `law`
-        uses no entry speed, if its depth is beyond the onset of the force."""
+        """Return whether the contact has a force under a contact law.
+
+        It has one if its entry speed is set or, for a law that uses no entry speed, if its depth is
+        beyond the onset of the force.
+        """
         if self.entry_speed is None:
             return self.gap.depth + law.onset_offset() > 0.0
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
-        """Return the entry speed, m/s; the present rate of the depth if the law uses no entry
+        """Return the entry speed, m/s, or the present rate of the depth if the law uses no entry
         speed."""
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
@@ -66,8 +71,9 @@ def contact_instants(
 ) -> ByLabel[ContactInstant]:
     """Return all contacts at one instant, by joint and contact.
 
-    **Arguments:** by joint and contact, `forces`: contacts with their forces; `second_rates`:
-    second derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts whose law uses them.
+    **Arguments:** all by joint and contact, `forces`: contacts with their forces; `second_rates`:
+    second time derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts whose law uses
+    them.
     """
     return {
         name: {
@@ -85,7 +91,8 @@ def contact_instants(
 class StepPeak(NamedTuple):
     """The peak of a contact in a step.
 
-    - `force`: largest normal force, N; `fraction`: part of the step, 0 to 1, at which it occurs.
+    - `force`: largest normal force, N.
+    - `fraction`: part of the step's time, 0 to 1, after which this force occurs.
     - `depth`: largest depth, m, which may occur at another time.
     """
 
@@ -99,13 +106,13 @@ def peak_in_step(
 ) -> StepPeak:
     """Return the peak of a contact in a step of length h, s.
 
-    **Arguments:** `start`, `end`: the contact at the ends of the step; the entry speed at `start`
-    holds in the whole step.
+    **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
+    entry speed at `start` is used in the whole step.
     """
     quintic = Quintic.through(_bend(start), _bend(end), h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
-    # In very short steps the slope of the quintic suffers from rounding of the depths; the cubic
-    # through rates and second rates does not.
+    # In very short steps the slope of the quintic suffers from rounding errors of the depths. The
+    # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
     def force(x: Scalar) -> Scalar:
@@ -118,10 +125,10 @@ def peak_in_step(
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
-    """Return the largest value of a function on 0 to 1, and where it is.
+    """Return the largest value of a function on the interval 0 to 1, and where it is.
 
-    The function is evaluated at `PIECES` + 1 points. The peak is refined around the largest inner
-    point, and the ends are compared with the result.
+    The function is evaluated at `PIECES` + 1 equidistant points. The peak is refined around the
+    inner point with the largest value, and the values at both ends are compared with the result.
     """
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     first, middle, last = points[:3]
@@ -140,11 +147,11 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
 def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
-    """Return the fraction, 0 to 1, of a step of length h, s, at which a contact ends; 1 if it does
-    not.
+    """Return the part of the time of a step of length h, s, after which a contact ends, 0 to 1; 1
+    if it does not end.
 
     The depth is interpolated by the cubic through depths and rates at `start`, where the contact
-    must exist, and `end`.
+    must exist, and at `end`.
     """
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
@@ -152,12 +159,14 @@ def end_in_step(
 
 
 def begin_before(law: AbstractContactLaw, instant: ContactInstant) -> Scalar:
-    """Return the time from the onset of a contact to an instant just after the onset, s."""
+    """Return the time, s, from the onset of a contact to an instant just after the onset: depth
+    over rate."""
     return (instant.gap.depth + law.onset_offset()) / instant.gap.rate
 
 
 def _array(leaf: Scalar) -> jax.Array:
-    """Return the number as an array without weak type: the state of a loop must keep its types."""
+    """Return a number as a JAX array without weak type, because the state of a loop must keep its
+    types."""
     return jnp.asarray(leaf, dtype=jnp.result_type(leaf))
 
 

@@ -1,4 +1,8 @@
-"""Variables inside an accepted step by dense output, and their correction onto the constraints."""
+"""States inside an accepted step by dense output, the solver's interpolant between the step's ends.
+
+After the interpolation the state is corrected onto the constraints, if the stabilisation demands
+it.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,15 +18,16 @@ from ...fields.checks import require
 from ...math.vectors import Scalar
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
+from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Variables, choose
 from .time_map import AbstractTimeMap
-from .unrolled_runge_kutta import DenseOutput, UnrolledExplicit
 
 
 def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
-    """Return the variables and entry speeds, m/s, at a time t, s, of an accepted step.
+    """Return the variables and entry speeds, m/s, at a time t, s, of the accepted step of an
+    `attempt`.
 
     Before the end of the step, entry speeds are those of its start. At the end, variables and entry
     speeds are the stored ones, which contain the corrections for events there.
@@ -35,10 +40,12 @@ def look_inside(
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """Return the time, s, at which the dense output has the state of the time t, s.
+    """Return the time, s, that must be passed to diffrax's dense output to obtain the state at the
+    time t, s.
 
-    diffrax's dense output assumes uniform time. Therefore t is mapped to the fraction x of the
-    step, and x linearly to a time.
+    diffrax assumes that time is uniform in the step. With a time map it is not: t is therefore
+    mapped to the fraction x of the step at which the solver would place a stage, and x linearly to
+    a time.
     """
     if attempt.time_map is None:
         return t
@@ -48,17 +55,18 @@ def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
 
 
 def correct(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables at the end of a step, t, s, corrected by the stabilisation.
+    """Return the variables at the end t, s, of a step, corrected by the stabilisation of the
+    constraints.
 
-    The energy that a projection onto the constraints removes is added to the ledger's
-    "stabilisation".
+    The energy that a projection onto the constraints removes is added to the integral
+    "stabilisation" of the energy ledger.
     """
     return system.formulation.stabilisation.corrected(y, lambda y: _project(system, y, t))
 
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at a time t, s, inside a step, with the motion corrected by the
-    stabilisation. The ledger stays, because such a correction does not enter later steps."""
+    stabilisation. The energy ledger stays, because such a correction does not enter later steps."""
     return replace(y, motion=correct(system, y, t).motion)
 
 
@@ -76,7 +84,8 @@ def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver is an explicit Runge-Kutta method, whose dense output is in scalar form.
+    """Check that a solver is an explicit Runge-Kutta method, as dense output in scalar form
+    requires.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -91,8 +100,8 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
 
 
 class Snapshot(eqx.Module):
-    """The state of a run at one time: the time t, s since the system's `origin`, variables and
-    entry speeds, m/s."""
+    """The state of a run at one time: the time t, s, on the clock of the run's system, the
+    variables `y`, and the entry speeds of contacts, m/s."""
 
     t: Scalar
     y: Variables
@@ -103,26 +112,29 @@ class Snapshot(eqx.Module):
         system: System,
         inside: Callable[[Scalar], Instant] | None = None,
     ) -> Instant:
-        """Return the `Instant` of the snapshot, of which quantities are functions.
+        """Return the snapshot as an `Instant`, from which quantities, such as the position of a
+        body, are computed.
 
-        **Arguments:** `inside`: function of a fraction, 0 to 1, of the time of the step that ends
-        here; it returns the `Instant` there. ``None`` if quantities need no instants inside steps.
+        **Arguments:** `system`: the system of the run; `inside`: a function that returns the
+        `Instant` after a part, 0 to 1, of the time of the step that ends here; ``None`` if
+        quantities need no instants inside steps.
         """
         motion, work = self.y.motion, self.y.work
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return "time", the scene's time in s, and the values of the quantities in `channels`, by
-        name."""
+        """Return "time", the scene's time in s, and the values of the quantities in `channels`, all
+        by name."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step, with the data for dense output.
+    """The latest accepted step of a run, with the data for dense output.
 
     - `start`, `end`: the states at its ends.
-    - `stages`: the rates in each stage; `time_map`: how time passes, uniformly if ``None``.
+    - `stages`: the rates in each stage of the solver.
+    - `time_map`: how time passes in the step, uniformly if ``None``.
     """
 
     start: Snapshot
@@ -132,7 +144,8 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """Return the step of an accepted attempt of a run with an `UnrolledExplicit` solver."""
+        """Return the step of an accepted attempt. The solver of the run must be an
+        `UnrolledExplicit`."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -142,14 +155,14 @@ class DenseStep(eqx.Module):
         )
 
     def inside(self, method: Method, elapsed: Scalar) -> Variables:
-        """Return the variables after the part `elapsed`, 0 to 1, of the step's time."""
+        """Return the variables after a part `elapsed`, 0 to 1, of the step's time."""
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
         return dense.at(elapsed if self.time_map is None else self.time_map.fraction(elapsed))
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
-        """Return the snapshot after the part `elapsed`, 0 to 1, of the step's time, with the entry
+        """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
         speeds of the step's start.
 
         **Raises:** `ValueError` if the solver is not an explicit Runge-Kutta method.
@@ -159,8 +172,8 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t of the step, s since the system's `origin`; the stored
-        `end` at the end of the step."""
+        """Return the snapshot at a time t, s, of the step, on the clock of the run's system. At the
+        end of the step it is the stored `end`."""
         length = self.end.t - self.start.t
         elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t

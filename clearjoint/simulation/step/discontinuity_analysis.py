@@ -1,9 +1,11 @@
-"""Detect undeclared discontinuities by inspecting an element's jaxpr for comparisons.
+"""Find elements with undeclared discontinuities, by searching their traced programs for
+comparisons.
 
 If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
 derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
-run shows that it is missing. Therefore the traced program of each element is searched for
-operations that compare, round or clip a number which depends on time or on the motion.
+run would show that it is missing. Therefore the traced program (jaxpr) of each element is searched
+for operations that compare, round or clip a number which depends on time or on the motion. An
+element declares the times at which it changes abruptly by its method `breakpoints`.
 """
 
 import jax
@@ -27,16 +29,16 @@ from ...model.joints.base import (
 from ...model.scene import Scene
 
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
-"""Names of primitives whose real result jumps. Primitives without a real result, such as
-comparisons, count too."""
+"""Names of JAX primitives whose result is a float that jumps where the argument passes some value.
+Primitives whose result is not a float, such as comparisons, count as jumping too."""
 KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
-"""Names of primitives whose real result has a jump or a kink."""
+"""Names of JAX primitives whose result is a float that has a jump or a kink."""
 
 
 def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that compares numbers with time declares its breakpoints.
 
-    **Raises:** `ValueError` that names the first element without breakpoints.
+    **Raises:** `ValueError` that names the first element without declared breakpoints.
     """
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
@@ -66,7 +68,7 @@ def require_declared(scene: Scene) -> None:
 
 
 def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
-    """Return the functions of time in an element whose class does not define `breakpoints`."""
+    """Return the functions of time in an element whose classes do not define `breakpoints`."""
     parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
     functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
     silent = AbstractFunctionOfTime.breakpoints
@@ -75,35 +77,39 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 @cached_by_numbers
 def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
-    """Return whether a function of time, in packed form, compares numbers with time."""
+    """Return whether a function of time compares numbers with its argument. Its numbers are arrays,
+    as in the scene that the user made."""
     program = program_of(unpack(function), 0.0)[0].jaxpr
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 @cached_by_numbers
 def _packed_element_compares_time(element: AbstractElement) -> bool:
-    """Return whether an element in packed form compares numbers with time."""
+    """Return `compares_time` of an element as in the scene that the user made, with vectors as
+    arrays (3,)."""
     return compares_time(unpack(element))
 
 
 def compares_time(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element, in scalar form, depend on a
-    comparison of a number with time."""
+    """Return whether the forces or constraint rates of an element depend on a comparison of a
+    number with time. Each vector of the element is three separate scalars."""
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 def may_jump_by_motion(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element, in scalar form, depend on a
-    comparison of a position or velocity. They may jump there; whether they do is not known."""
+    """Return whether the forces or constraint rates of an element depend on a comparison of a
+    position or velocity, so that they may jump there. Each vector of the element is three separate
+    scalars."""
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[1]}, JUMPING)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Return the traced program of an element in scalar form.
+    """Return the traced program of an element, whose vectors are three separate scalars each.
 
-    Its two arguments are time and one number that stands for every component of the motion.
+    The program has two arguments: the time, and one number that stands for every component of the
+    motion.
     """
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
@@ -115,9 +121,12 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 
 def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
-    """Return the numbers of an element that the equations of motion use: wrenches of a force;
-    Jacobian, bias and time rate of a constraint's rows. The value of a constraint is not among
-    them: constraints enter the equations by their rates."""
+    """Return the numbers of an element on which the equations of motion depend.
+
+    For a force these are the wrenches on the bodies. For a constraint they are the Jacobian, the
+    bias and the time rate of each equation, but not its value, since the equations of motion
+    contain constraints by their rates only.
+    """
     if isinstance(element, AbstractForce):
         return element.wrenches(motions, t)
     assert isinstance(element, AbstractConstraint | AbstractContactJoint)
@@ -126,9 +135,9 @@ def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) ->
 
 
 def _needed(program: Jaxpr) -> list[JaxprEqn]:
-    """Return the equations of a program on which its results depend, in order.
+    """Return those equations of a traced program on which its results depend, in order.
 
-    The others are dead code, such as the comparisons of a constraint's value.
+    The others are dead code, such as comparisons in the value of a constraint, which is not used.
     """
     wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
     for equation in reversed(program.eqns):
@@ -142,7 +151,8 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
     """Return whether a program applies a comparison, or one of `primitives`, to a variable that
     depends on one of `causes`.
 
-    **Arguments:** `equations`: the program's equations, in order; `primitives`: names.
+    **Arguments:** `equations`: the program's equations, in order; `causes`: variables of the
+    program; `primitives`: names of JAX primitives.
     """
     causes = set(causes)
     for equation in equations:
@@ -169,7 +179,7 @@ def _is_real(value: AbstractValue) -> bool:
 
 
 def _inner_programs(equation: JaxprEqn) -> list[Jaxpr]:
-    """Return the programs in the parameters of an equation, such as the body of a loop."""
+    """Return the programs that an equation contains as parameters, such as the body of a loop."""
     leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
     return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
 

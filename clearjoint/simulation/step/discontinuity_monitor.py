@@ -1,7 +1,7 @@
-"""Check accepted steps of runs with derivatives for undeclared jumps of user-defined forces.
+"""Check the accepted steps of runs with derivatives for undeclared jumps of user-defined forces.
 
-If a torque jumps at an angle, the instant of the jump depends on the parameters, and derivatives of
-the motion have a term for its shift (the saltation matrix, see `.saltation`). Contact laws declare
+If a torque jumps at some angle, the instant of the jump depends on the parameters, and derivatives
+of the motion have a term for the shift of this instant (see `.saltation`). Contact laws declare
 such events. A user-defined element cannot declare them, and a step across its jump looks like any
 other. Therefore each accepted step of a scene with an element that may jump is checked: if the
 rates change by more than their slopes at both ends of the step allow, the run ends with the result
@@ -28,18 +28,20 @@ from .trial_step import Trial, term_of
 
 PACKAGE = __name__.split(".")[0] + "."
 STEEPEST = 4.0
-"""Largest change of a smooth rate over a step, relative to the sum of the changes that the slopes
-at both ends of the step predict. The change of a smooth rate is half of this sum, up to a third
-derivative that the tolerances keep small."""
+"""Largest change of a smooth rate over a step, as a multiple of the sum of the changes that the
+slopes at both ends of the step predict. The change of a smooth rate is half of this sum, up to a
+third derivative that the tolerances keep small."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
 times the largest of all rates."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
-    """Return whether a scene has an element that may jump without declaring it: one that belongs
-    to, or contains a part of, a class from outside this package, and either is a contact joint or
-    compares numbers of the motion."""
+    """Return whether a scene has an element that may jump without declaring it.
+
+    Such an element is of a class from outside this package, or contains a part of such a class, and
+    it either is a contact joint or compares numbers of the motion.
+    """
     elements = [*scene.joints.values(), *scene.forces.values()]
     return any(
         isinstance(element, AbstractContactJoint) or may_jump_by_motion(element)
@@ -53,8 +55,8 @@ def has_undeclared_jump(
 ) -> Condition:
     """Return whether any rate of the motion jumps within a trial step.
 
-    Steps end at breakpoints and at contact events, so these are not inside the step. At the onset
-    or end of a contact with a force that jumps the check is skipped.
+    Steps end at breakpoints and at contact events, so these are not inside the step. The check is
+    skipped if the step ends at the onset or the end of a contact whose force jumps there.
 
     **Arguments:** `step`: the state before the trial; `after`: the contact gaps at its end.
     """
@@ -85,7 +87,8 @@ def has_undeclared_jump(
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:
-    """Yield `part`, if it is a module, and all modules within it, also those in lists and dicts."""
+    """Yield all equinox modules in a PyTree, also those inside lists, dictionaries and other
+    modules."""
     if isinstance(part, eqx.Module):
         yield part
         part = vars(part)

@@ -1,9 +1,10 @@
-"""Landing of steps on contact events: the instants where a contact begins or ends.
+"""Landing of steps on contact events, the instants at which a contact begins or ends.
 
 A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
 is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
-The same holds for a step that starts in a contact and ends in flight. Penetrations are measured
-from the onset of the force (`ContactGap` in `clearjoint.dynamics.contact_events`).
+The same holds for a step that starts in a contact and ends in flight. Penetrations are positive
+where a contact has a force: they are measured from the onset of the force (`ContactGap` in
+`clearjoint.dynamics.contact_events`).
 """
 
 import equinox as eqx
@@ -17,50 +18,41 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""Longest time past an event at which a step may land, s, at the rate of the penetration there. The
-penetration at the landing holds elastic energy that no work supplied, and a slow impact may not
-even reach the depth of the landing tolerance."""
+"""Longest time past an event at which a step may end, s. Multiplied by the penetration rate, it
+gives the depth within which steps of slow contacts must land: the penetration at the landing stores
+elastic energy that no work has supplied, and a slow impact may not even reach the landing
+tolerance."""
 CLOSEST = 1e-4
-"""Smallest depth within which a step is required to land, in landing tolerances: rounding of the
-penetration is as large in slow contacts as in fast ones."""
+"""Smallest depth within which a step is required to land, as a multiple of the landing tolerance.
+Rounding errors of the penetration are as large in slow contacts as in fast ones."""
 
 
 class Landing(eqx.Module):
-    """Landing on the instants where contacts begin and end.
+    """Rule by which steps end at the instants where contacts begin and end.
 
-    **Arguments:** `tolerance`: m, the depth within which a step must land. For slow contacts the
-    depth is smaller, in proportion to their rate.
+    **Arguments:** `tolerance`: m, the depth within which a step must end at an event. In slow
+    contacts the depth is smaller, in proportion to their penetration rate.
     """
 
     tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
-        """Return the depth within which a step must land, m, at a `rate` of penetration, m/s."""
+        """Return the depth, m, within which a step must land on an event of a contact with a
+        penetration `rate`, m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def time_to_next_event(
-        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
+        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar], ends_only: bool = False
     ) -> Scalar:
         """Predict the time to the next onset or end of a contact, s; infinite if none is expected.
 
         A step that would pass the event is shortened in advance, which saves rejected trials: a
         trial far past a wall can have a very large error, and would be cut several times.
 
-        **Arguments:** `second_rates`: second derivatives of penetrations, m/s^2, by joint and
-        contact.
+        **Arguments:** by joint and contact, `contact_gaps`: penetrations and their rates, and
+        `second_rates`: second time derivatives of penetrations, m/s^2; `ends_only`: whether to
+        consider only the ends of existing contacts.
         """
-        return self._soonest(contact_gaps, second_rates, ends_only=False)
-
-    def time_to_contact_end(
-        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar]
-    ) -> Scalar:
-        """Predict the time until the first of the existing contacts ends, s; infinite if none is
-        expected to end. Arguments as for `time_to_next_event`."""
-        return self._soonest(contact_gaps, second_rates, ends_only=True)
-
-    def _soonest(
-        self, contact_gaps: ContactGaps, second_rates: ByLabel[Scalar], ends_only: bool
-    ) -> Scalar:
         soonest: Scalar = jnp.inf
         for name, family in contact_gaps.items():
             for label, gap in family.items():
@@ -72,16 +64,17 @@ class Landing(eqx.Module):
         return jax.lax.stop_gradient(soonest)
 
     def _time_to_zero(self, gap: ContactGap, second_rate: Scalar) -> Scalar:
-        """Return the time until the penetration changes sign, s, by a parabola; infinite if it does
-        not.
+        """Predict the time until the penetration of a contact changes its sign, s; infinite if it
+        does not.
 
-        The parabola follows from penetration, rate and `second_rate`, m/s^2. It is shifted so that
-        the root is half the landing depth past the change of sign: rounding then does not leave the
-        step on the wrong side of the event.
+        The penetration is extrapolated as a parabola, from its value and rate in `gap` and from its
+        `second_rate`, m/s^2. The parabola is shifted so that its root is half the landing depth
+        past the change of sign. Otherwise rounding errors might leave the step on the wrong side of
+        the event.
         """
         inwards = _inwards(gap)
-        # In the direction towards the event: `away` is the distance, `rate` and `bend` speed and
-        # acceleration. The event is at away = rate t + bend t^2 / 2.
+        # In the direction towards the event, `away` is the distance from it, and `rate` and `bend`
+        # are speed and acceleration. The event is at the time t with away = rate t + bend t^2 / 2.
         away = 0.5 * self._depth(gap.rate) + jnp.abs(gap.depth)
         rate, bend = inwards * gap.rate, inwards * second_rate
         square = rate * rate + 2.0 * bend * away
@@ -94,7 +87,8 @@ class Landing(eqx.Module):
     def retry(
         self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
     ) -> tuple[Condition, Scalar]:
-        """Check whether a step from `t0` to `t1`, s, passes an event by more than the tolerance.
+        """Decide whether a step from `t0` to `t1`, s, must be repeated because it passes an event
+        by more than the tolerance.
 
         **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
 
@@ -116,18 +110,20 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _first_crossing(self, before: ContactGaps, after: ContactGaps, h: Scalar) -> Scalar:
-        """Return the smallest result of `_crossing` of all contacts, in a step of length h, s."""
+        """Return the smallest result of `_crossing` among all contacts, in a step of length h,
+        s."""
         fraction = jnp.ones_like(h)
         for start, end in gap_pairs(before, after):
             fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
         return fraction
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
-        """Return the fraction, 0 to 1, of a step of length h, s, at which the step must end for a
-        contact.
+        """Return the fraction, 0 to 1, at which a step of length h, s, must end for the sake of one
+        contact; 1 if the step need not be repeated.
 
-        There the penetration is half the landing depth past its change of sign. The fraction is 1
-        if the step need not be repeated.
+        At this fraction the penetration is half the landing depth past its change of sign.
+
+        **Arguments:** `start`, `end`: the contact's gap at the start and end of the step.
         """
         inwards = _inwards(start)
         # If the gap turns back within the step, its turning point replaces the end of the step:
@@ -137,8 +133,8 @@ class Landing(eqx.Module):
             jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
         )
         depth = self._depth(jnp.maximum(jnp.abs(start.rate), jnp.abs(end.rate)))
-        # The target is inside the tolerance, so that the error of the interpolant may fall on
-        # either side of it.
+        # The target is half the allowed depth, which leaves room for errors of the interpolant in
+        # both directions.
         aim = 0.5 * inwards * depth
         shifted = (Slope(start.depth - aim, start.rate), Slope(end.depth - aim, end.rate))
         passes = inwards * end.depth > depth
@@ -148,13 +144,14 @@ class Landing(eqx.Module):
     def _turning(
         self, start: ContactGap, end: ContactGap, h: Scalar, inwards: Scalar
     ) -> tuple[Scalar, Scalar, ContactGap]:
-        """Return whether a contact begins and ends, or ends and begins, within one step of length
-        h, s.
+        """Return whether a contact both begins and ends, or both ends and begins, within one step
+        of length h, s.
 
-        Penetrations at both ends of the step then have one sign, so a check of the ends alone would
-        miss both events.
+        Its penetrations at both ends of the step then have the same sign, so that a check of the
+        ends alone would miss both events.
 
-        **Arguments:** `inwards`: sign that the penetration has between the two events.
+        **Arguments:** `start`, `end`: the contact's gap at the start and end of the step;
+        `inwards`: sign that the penetration has between the two events.
 
         **Returns:** the condition; the fraction of the step at which the penetration is extreme;
         and the gap there.
@@ -169,19 +166,20 @@ class Landing(eqx.Module):
 
 
 def _inwards(gap: ContactGap) -> Scalar:
-    """Return the sign that the penetration will have after the contact's next event."""
+    """Return the sign, 1 or -1, that the penetration of a contact will have after the contact's
+    next event."""
     return jnp.where(gap.depth > 0.0, -1.0, 1.0)
 
 
 def _turns(start: ContactGap, end: ContactGap) -> Condition:
-    """Return whether a penetration moves towards zero at the start of a step, and away at the
-    end."""
+    """Return whether the penetration of a contact moves towards zero at the `start` of a step, and
+    away from zero at its `end`."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
 
 
 def _may_pass(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether the penetration of any contact may change sign within a step."""
+    """Return whether the penetration of any contact may change its sign between two instants."""
     return any_of(
         ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
         for start, end in gap_pairs(before, after)

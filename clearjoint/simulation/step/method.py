@@ -1,7 +1,8 @@
-"""Numerical scheme of a run: integration method and formulation of the equations of motion.
+"""Numerical scheme of a run: the integration method and the formulation of the equations of motion.
 
-Scenes have two forms: packed, with vectors as arrays of shape (3,), and scalar, with vectors as
-`Vector` of three separate scalars, in which the equations of motion are evaluated.
+Scenes have two forms: packed, with each vector as an array (3,), and scalar, with each vector as
+three separate scalars (a `Vector`). Runs receive packed scenes; the equations of motion are
+evaluated in scalar form.
 """
 
 import equinox as eqx
@@ -21,18 +22,18 @@ from .step_state import Method
 
 
 class Scheme(eqx.Module):
-    """Integration method and formulation of the equations of motion; no part depends on the
-    scene."""
+    """Integration method and formulation of the equations of motion of a run; no part depends on
+    the scene."""
 
     method: Method
     formulation: Formulation
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme of `settings`, with its numbers as JAX arrays.
+        """Return the scheme for given settings, with its numbers as JAX arrays.
 
-        **Arguments:** `redundant`: whether some constraint rows depend linearly on others; used if
-        `settings.redundant` is ``None``.
+        **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
+        used if `settings.redundant` is ``None``.
         """
         redundant = redundant if settings.redundant is None else settings.redundant
         choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
@@ -48,15 +49,18 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme as `of` does, with NumPy numbers; cached for equal settings."""
+        """Return the scheme as `of` does, but with NumPy numbers; it is cached for equal
+        settings."""
         return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
-        """Return the system to integrate for a `scene` in scalar form."""
+        """Return the system of equations that a run integrates, for a `scene` in scalar form."""
         return System.of(scene, self.formulation)
 
     def unpacked(self, folded_scene: ConstantFolded) -> System:
-        """Return the system to integrate for a scene in packed form with folded constants."""
+        """Return the system of equations that a run integrates, for a scene in packed form.
+        `folded_scene` marks the components that are exactly 0 or 1, which become constants of the
+        program."""
         return self.system(unpack(folded_scene))
 
 
@@ -66,9 +70,10 @@ def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
 
 
 def _with_arrays(scheme: Scheme) -> Scheme:
-    """Return the scheme with its floats as arrays, so that a new value does not recompile.
+    """Return the scheme with its floats as JAX arrays, so that a new value does not compile anew.
 
-    Zeros remain Python numbers: the controller leaves out the terms of zero coefficients.
+    Zeros remain Python numbers, because the step-size controller leaves out terms with a
+    coefficient of zero.
     """
     return jax.tree.map(
         lambda leaf: jax.device_put(leaf) if _is_number(leaf) else leaf,

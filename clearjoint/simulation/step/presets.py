@@ -1,4 +1,4 @@
-"""Ready `Settings` of runs, by purpose.
+"""Ready-made `Settings` of runs, by purpose.
 
     cj.simulate(scene, start, end_time, cj.presets.accurate)
 
@@ -41,15 +41,16 @@ of order 8, whose program takes twice as long to compile.
 """
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
 """Settings that `sensitivities`, and functions that call it, such as `fit_horizon`, use if none are
-given. Steps end within 1e-13 m of each onset, so that landing leaves no visible error in the
-derivatives of entry speeds.
+given. Steps end within a penetration of 1e-13 m at each onset of a contact, so that the adjustment
+of the steps leaves no visible error in the derivatives of entry speeds.
 
 >>> cj.presets.derivatives.landing_tolerance
 1e-13
 """
 identification = replace(derivatives, derivative_tolerance=1e3)
 """Settings that `identify` and `identify_many` use if none are given. Derivatives have three
-digits, enough for fits; the motion is as accurate as with `derivatives`, in a fifth fewer steps.
+correct digits, enough for fits; the motion is as accurate as with `derivatives`, in a fifth fewer
+steps.
 
 >>> cj.presets.identification.derivative_tolerance
 1000.0

@@ -1,16 +1,17 @@
-"""Saltation correction for a step that ends at a force discontinuity.
+"""Correction of a step that ends at a discontinuity of a contact force, mainly of its derivatives.
 
-The time of an onset, or of the end of a contact, depends on the parameters. The step that lands
-there ends at a time t1 that is not differentiated. Let tau be the time from the event to t1, s. The
-landing makes tau zero to rounding, but not its derivative. The step was computed with the rates f-
-before the event; the rates after the event are f+. The corrected state y + (f+ - f-) tau has the
-derivative of the motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004,
-section 7.3), in forward and in reverse mode.
+The event is the onset or the end of a contact. Its time depends on the parameters by which the
+motion is differentiated, but the step that lands on the event ends at a time t1 that is not
+differentiated. Let tau be the time from the event to t1, s. The landing makes tau zero except for
+rounding, but not the derivative of tau. The step was computed with the rates f- before the event;
+the rates after the event are f+. The corrected state y + (f+ - f-) tau has the derivatives of the
+motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004, section 7.3), in
+forward and in reverse mode.
 
-The contact force in f+ is a mean over tau. If the force is continuous and only its slope K, N/m,
-jumps, as for a spring, the mean is K delta/2 for the penetration delta, m, at t1. Without this term
-derivatives have an error proportional to tau, which is visible if two contacts of a stiff spring
-begin a millionth of the contact time apart.
+The contact force in f+ is a mean over the time tau. If the force is continuous and only its slope
+K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. Without
+this term, derivatives have an error proportional to tau, which is visible if two contacts of a
+stiff spring begin a millionth of the contact time apart.
 """
 
 from collections.abc import Mapping
@@ -29,13 +30,14 @@ from .step_state import Variables
 
 
 def contacts_jump(scene: Scene) -> bool:
-    """Return whether the force of any contact may jump where the contact begins or ends."""
+    """Return whether a scene has a contact whose force may jump where the contact begins or
+    ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether the slope of any contact's force, N/m, may jump where the contact begins or
-    ends."""
+    """Return whether a scene has a contact whose slope of the force over the penetration, N/m, may
+    jump where the contact begins or ends."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -51,7 +53,8 @@ def across_contacts(
 
     **Arguments:**
 
-    - `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the step.
+    - `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the step, by
+      joint and contact.
     - `y`: variables at the end of the step; `t`: the time there, s.
     - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
@@ -71,9 +74,10 @@ def across_contacts(
             powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
-        # Rates are linear in the contact forces, except for terms that do not depend on them
-        # (gravity, springs, gyroscopic terms). The derivative along `times` at zero removes these
-        # terms, and yields f+ - f- times tau including the reactions of the constraints.
+        # The rates are a linear function of the contact forces plus terms that do not depend on
+        # them (gravity, springs, gyroscopic terms). Their derivative in the direction `times`, at
+        # contact forces of zero, is the linear part alone: (f+ - f-) tau, including the reactions
+        # of the constraints.
         none = jax.tree.map(jnp.zeros_like, times)
         return _changed_by(y, jax.jvp(rates, (none,), (times,))[1])
 
@@ -82,8 +86,8 @@ def across_contacts(
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
-    """Return the labels of contacts whose force, or the slope of the force, may jump, by joint
-    name."""
+    """Return the labels of the contacts whose force, or its slope, may jump where the contact
+    begins or ends, by joint name."""
     labels_by_joint = {
         name: [label for label, law in family.items() if law.force_jumps or law.slope_jumps()]
         for name, family in scene.laws().items()
@@ -96,8 +100,10 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether, between two instants, a contact begins or ends whose force or slope may
-    jump."""
+    """Return whether any contact whose force or slope may jump begins or ends between two instants.
+
+    **Arguments:** `before`, `after`: the contact gaps at the two instants.
+    """
     return any_of(
         _changes(before[name][label], after[name][label])
         for name, labels in _jumping_contacts(scene).items()
@@ -106,14 +112,16 @@ def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condit
 
 
 def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByLabel[Scalar]:
-    """Return by how much longer each contact transmitted its force than the solver assumed, s, by
-    joint and contact.
+    """Return by how much longer, s, each contact transmitted its force than the solver assumed in a
+    step, by joint and contact.
 
-    The time is positive after an onset, negative after an end, and zero if there was no event. The
-    solver computes a step with the contacts that are closed at its start: it omits the force after
-    an onset and includes too much force after an end. Penetration over rate is the time since the
-    event to first order; the derivative of this quotient is exact because the penetration is zero
-    to rounding.
+    The solver computes a step with the contacts that exist at its start: it omits the force after
+    an onset, and includes too much force after an end. The result is therefore positive after an
+    onset, negative after an end, and zero without an event. Penetration over its rate is the time
+    since the event to first order; the derivative of this quotient is exact, because the
+    penetration is zero except for rounding.
+
+    **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
     """
 
     def time(start: ContactGap, end: ContactGap) -> Scalar:
@@ -128,10 +136,12 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
 
 def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByLabel[LoadedContact]:
-    """Return the mean force of each contact that may jump, by joint and contact.
+    """Return the mean force of each contact that may jump, by joint and contact, over the time from
+    the event to the end of the step.
 
-    The mean is over the time from the event to the end of the step. It is found for each contact,
-    whether or not the contact has an event in this step.
+    The mean is found for all these contacts, also for those without an event in this step.
+
+    **Arguments:** `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
     """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     forces: ByLabel[LoadedContact] = {}
@@ -153,14 +163,16 @@ def _mean_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the mean of the force of one contact between the event and the end of the step.
+    """Return the mean force of one contact over the time from the event to the end of the step.
 
-    **Arguments:** `entry_speed`: m/s, zero in flight, ``None`` if the law does not use it;
-    `bristles`: deflections of the joint's contacts, m.
+    **Arguments:** `joint`, `label`: the joint, and the label of its contact; `contact`: geometry at
+    the end of the step; `entry_speed`: m/s, zero in flight, ``None`` if the law does not use it;
+    `motions`: pose and velocities of the bodies; `bristles`: deflections of the joint's contacts,
+    m.
     """
     law, closed = joint.laws()[label], jnp.asarray(True)
     if entry_speed is not None:
-        # A contact that begins at this event has no entry speed yet: its rate will be recorded.
+        # A contact that begins at this event has no entry speed yet. It will get its present rate.
         entry_speed = jnp.where(entry_speed > 0.0, entry_speed, contact.gap.rate)
 
     def force(contact: Contact) -> LoadedContact:
@@ -169,26 +181,30 @@ def _mean_force(
     def at_depth(depth: Scalar) -> LoadedContact:
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
-    # Only the force jumps: its value at the wall, or at the end of the step if that is inside.
+    # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
+    # step ends outside of it.
     if not law.slope_jumps():
         return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.onset_offset()))
-    # Only the slope jumps: the force is zero at the wall, so the mean is half of that at the end.
+    # If only the slope jumps, the force is zero at the wall, and the mean is half of the force at
+    # the end of the step.
     if not law.force_jumps:
         return _multiplied(force(contact), 0.5)
+    # Otherwise the mean is that of the forces at the wall and at the end of the step.
     at_wall = at_depth(INSIDE - law.onset_offset())
     return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its normal force, elastic force and friction times `factor`."""
+    """Return the contact with its normal force, elastic force and friction multiplied by
+    `factor`."""
     friction = None if force.friction is None else force.friction * factor
     normal, elastic = force.normal_force * factor, force.elastic_force * factor
     return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)
 
 
 def _changed_by(y: Variables, change: Variables) -> Variables:
-    """Return the variables with changes of the motion and of the ledger added. Bristles stay:
-    `updated_bristles` sets them."""
+    """Return the variables `y` with the changes of the motion and of the energy ledger added.
+    Bristle deflections stay, because `updated_bristles` sets them afterwards."""
     motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
     work = {name: e + change.work.get(name, 0.0) for name, e in y.work.items()}
     return replace(y, motion=motion, work=work)

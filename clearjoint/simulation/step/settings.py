@@ -7,15 +7,15 @@ import jax
 import numpy as np
 
 from ...dynamics.coordinates import AbstractCoordinates
+from ...dynamics.formulation import AbstractStabilisation, Baumgarte
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
-from ...dynamics.stabilisation import AbstractStabilisation, Baumgarte
 from ...fields.checks import checkable, require, require_count, require_positive
 from ...math.vectors import Scalar
 from .solvers import require_ordinary
 from .types import Numbers
 
 FIRST_SHARE = 1e-6
-"""Default length of the first step relative to the duration of the run."""
+"""Default length of the first step, relative to the duration of the run."""
 
 NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
 
@@ -31,10 +31,10 @@ class Settings:
 
     **Arguments:**
 
-    - `solver`: a diffrax solver of ordinary differential equations. Implicit solvers also iterate
-      their stages to `rtol` and `atol`, and need a looser `atol`, such as `rtol`/1000. Runs with
-      derivatives, and sweeps that save states, sections or statistics, need an explicit Runge-Kutta
-      method.
+    - `solver`: a diffrax solver of ordinary differential equations. Runs with derivatives, and
+      sweeps that save states, sections or statistics, need an explicit Runge-Kutta method. Implicit
+      solvers iterate their stages to `rtol` and `atol`, and need a looser `atol`, such as
+      `rtol`/1000.
     - `controller`: a diffrax step-size controller. The default, ``None``, is a
       `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
@@ -43,11 +43,12 @@ class Settings:
       are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
     - `landing_tolerance`: m; steps end at each onset and end of a contact, with a penetration of at
-      most this value. ``None``: steps go across onsets and ends. Runs with derivatives and an
+      most this value. With ``None``, steps go across onsets and ends. Runs with derivatives and an
       `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
-      the variables. Example: the double pendulum after five impacts at each base, with three
-      parameters, at an `rtol` of 1e-9; the motion alone takes 823 attempted steps:
+      the variables. The table shows its effect on the double pendulum after five impacts at each
+      base of the journal, with three parameters and an `rtol` of 1e-9; the motion alone takes 823
+      attempted steps:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of entry speeds' |
       |---|---|---|---|
@@ -58,12 +59,13 @@ class Settings:
       | 1e5 | 799 | 4e-4 | 1e-3 |
 
     - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
-      every ideal joint adds constraint rows.
+      every ideal joint adds constraint equations.
     - `stabilisation`: method against drift from the constraints: `Baumgarte()`, `Projection()` or
       `Unstabilised()`.
     - `ledger`: whether to integrate the dissipated and supplied energies, J, with the motion.
-    - `redundant`: whether some constraint rows depend linearly on others. By default, runs find
-      this out from the initial state; inside a JAX transformation, they take rows as independent.
+    - `redundant`: whether some constraint equations depend linearly on others. By default, runs
+      find this out from the initial state; inside a JAX transformation, they take all equations as
+      independent.
     - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
@@ -152,19 +154,19 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings that JAX may trace: `rtol`, `atol`, `first_step` (s), `landing_tolerance`
-        (m)."""
+        """The settings that may be traced JAX numbers: `rtol`, `atol`, `first_step` (s) and
+        `landing_tolerance` (m)."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step of a run from `start_time` to `end_time`, all in
-        s."""
+        """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
+        the setting `first_step`, or its default."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of the settings with `rtol` and `atol` multiplied by `factor`.
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`.
 
         **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
         """
@@ -175,7 +177,7 @@ class Settings:
     def require_tolerances(self, where: str) -> None:
         """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
 
-        **Arguments:** `where`: situation that needs them, for the message "None where ...".
+        **Arguments:** `where`: the reason, for the message "... must be None where <reason>".
 
         **Raises:** `ValueError` if a `controller` is set.
         """

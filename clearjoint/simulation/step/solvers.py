@@ -1,22 +1,252 @@
-"""Preparation of diffrax solvers and step-size controllers for the stepping loop."""
+"""Solvers and step-size controllers of diffrax, prepared for single steps.
 
-from functools import reduce
+diffrax loops over the stages of an explicit Runge-Kutta step, and decides inside the loop, for all
+lanes of a batch together, whether the last stage of the previous step can be reused.
+`UnrolledExplicit` writes the stages out instead. A step is then plain arithmetic: in a batch it
+takes a third of the time, and each lane has the same digits as a single run. Tableaux, error
+estimates and dense output (the solution between the ends of a step) are diffrax's.
+
+A time map may space the stages of a step non-uniformly in time: see `.time_map`.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, reduce
+from typing import TypeAlias, TypeVar
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+import numpy as np
+from jaxtyping import Float, PyTree
 
 from ...fields.checks import require
+from ...fields.types import Single
 from ...math.vectors import Scalar
-from .unrolled_runge_kutta import unrolled
+from ...native import evaluated
+from .time_map import AbstractTimeMap
+
+Weights = Float[np.ndarray, " n"]
+Y = TypeVar("Y")
+"""A PyTree with the variables of a run, or with their rates per s."""
+DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
+"""Data from which a solver computes dense output: for `UnrolledExplicit`, "y0" and "y1" are the
+variables at the start and end of the step, and "stages" the rates in each stage. Other solvers use
+other names."""
+
+
+class UnrolledExplicit(diffrax.AbstractSolver):
+    """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
+
+    **Arguments:** `method`: diffrax's solver, which supplies the tableau.
+
+    The state of the solver between two steps is the rates of the variables at the start of the next
+    step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
+    """
+
+    method: diffrax.AbstractERK
+    term_structure = diffrax.ODETerm
+
+    @property
+    def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Function that returns the dense output of a step. Its arguments are the start and end of
+        the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
+        return self._interpolation
+
+    def _interpolation(
+        self, *, t0: Scalar, t1: Scalar, y0: Y, y1: Y, stages: tuple[Y, ...]
+    ) -> "DenseOutput":
+        del y1
+        return DenseOutput(self.method, t0, t1, y0, stages)
+
+    def order(self, terms: diffrax.ODETerm) -> int | None:
+        """Return the order of convergence of the method."""
+        return self.method.order(terms)
+
+    def error_order(self, terms: diffrax.ODETerm) -> Single | None:
+        """Return the order of the method's error estimate."""
+        return self.method.error_order(terms)
+
+    def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
+        """Return the rates of the variables `y0` at the time `t0`, s."""
+        return terms.vf(t0, y0, args)
+
+    def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
+        """Return the solver's state before the first step: the rates at `t0`, s."""
+        del t1
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self,
+        terms: diffrax.ODETerm,
+        t0: Scalar,
+        t1: Scalar,
+        y0: Y,
+        args: PyTree,
+        solver_state: Y,
+        made_jump: Scalar,
+        time_map: AbstractTimeMap | None = None,
+    ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
+        """Compute one step from `t0` to `t1`, s.
+
+        **Arguments:**
+
+        - `terms`: the differential equations; `args`: their further arguments.
+        - `y0`: variables at `t0`.
+        - `solver_state`: rates at `t0`, from the previous step.
+        - `made_jump`: whether the rates may have changed abruptly at `t0`. Only if this is the
+          Python value ``False`` is `solver_state` used; otherwise the rates are computed again.
+        - `time_map`: how time passes in the step; ``None`` for uniform time.
+
+        **Returns:** the variables at `t1`, the error estimate, the data for dense output, the rates
+        at `t1`, and diffrax's result code.
+        """
+        tableau = _tableau(self.method)
+        h = t1 - t0
+        # With a traced condition, every lane would compute both branches, so the rates are then
+        # computed unconditionally.
+        last = solver_state if made_jump is False else terms.vf(t0, y0, args)
+        # With a time map the independent variable is not the time t but a fraction x of the step,
+        # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
+        stages, y = [_rates_by_fraction(last, 0.0, time_map)], y0
+        for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
+            y = _advanced(y0, h, row, stages)
+            elapsed = fraction if time_map is None else time_map.elapsed(fraction)
+            # The last stage is at exactly t1; t0 + h may differ from it by rounding.
+            t = t1 if fraction == 1.0 else t0 + elapsed * h
+            last = terms.vf(t, y, args)
+            stages.append(_rates_by_fraction(last, fraction, time_map))
+        y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
+        # "First same as last": the last stage was evaluated at the end of the step.
+        if not tableau.fsal:
+            last = terms.vf(t1, y1, args)
+        error = jax.tree.map(
+            lambda *rates: h * _weighted(tableau.b_error, rates),
+            *stages,
+        )
+        information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
+        return y1, error, information, last, diffrax.RESULTS.successful
+
+
+class DenseOutput(eqx.Module):
+    """Dense output of a step: the variables between its start `t0` and its end `t1`, s.
+
+    The polynomials are diffrax's. Sums over the stages are written out: a reduction of an array
+    would be a loop between scalar operations, and XLA repeats expressions that it has computed
+    before a loop at each use after the loop. One derivative of one acceleration of the double
+    pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
+
+    **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: rates in each
+    stage, multiplied by the slope of the time map, if there is one.
+    """
+
+    method: diffrax.AbstractERK
+    t0: Scalar
+    t1: Scalar
+    y0: PyTree[Scalar]
+    stages: tuple[PyTree[Scalar], ...]
+
+    def evaluate(self, t: Scalar) -> PyTree[Scalar]:
+        """Return the variables at the time t, s, if time is uniform in the step. With a time map,
+        convert the time by `dense_time` in `.dense_output` first."""
+        h = self.t1 - self.t0
+        return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
+
+    def at(self, x: Scalar) -> PyTree[Scalar]:
+        """Return the variables at the fraction x of the step, 0 to 1."""
+        h = self.t1 - self.t0
+        weights = [h * _horner(row, x) for row in dense_weights(self.method)]
+
+        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
+            for weight, stage in zip(weights, stages, strict=True):
+                y0 = y0 + weight * stage
+            return y0
+
+        return jax.tree.map(leaf, self.y0, *self.stages)
+
+
+def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
+    """Return derivatives of the variables by the fraction x of a step, divided by the step's
+    length: the rates at x times the slope of the time map there."""
+    if time_map is None:
+        return rates
+    slope = time_map.slope(x)
+    return jax.tree.map(lambda rate: slope * rate, rates)
+
+
+def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
+    assert isinstance(method.tableau, diffrax.ButcherTableau)
+    return method.tableau
+
+
+def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
+    """Return y0 + h sum of w_i f_i: the variables y0 advanced by the step length h, s, with
+    `weights` w and rates f of the `stages`."""
+    return jax.tree.map(lambda y, *rates: y + h * _weighted(weights, rates), y0, *stages)
+
+
+def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
+    terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
+    return sum(terms[1:], terms[0])
+
+
+def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """Return an explicit Runge-Kutta method as an `UnrolledExplicit`, and any other solver
+    unchanged."""
+    if isinstance(solver, diffrax.AbstractERK) and isinstance(
+        solver.tableau, diffrax.ButcherTableau
+    ):
+        return UnrolledExplicit(solver)
+    return solver
+
+
+def _horner(coefficients: Weights, x: Scalar) -> Scalar:
+    """Return the value at x of a polynomial with given coefficients, lowest power first. The
+    coefficient of power 0 must be zero."""
+    value: Scalar = float(coefficients[-1])
+    for coefficient in coefficients[-2:0:-1]:
+        value = value * x + float(coefficient)
+    return value * x
+
+
+@cache
+def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
+    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method.
+
+    Here y0 are the variables at the start of a step, h is its length, f_i are the rates in its
+    stages, and x is the fraction of the step, 0 to 1. The polynomials are the same for all steps.
+    diffrax's interpolant is linear in the stages, so it is evaluated at Chebyshev nodes x with one
+    stage equal to 1 and the others 0. Its operations are executed one by one: a compiler would fuse
+    them, and the digits would differ between processors.
+
+    **Returns:** the coefficients, (stages, degree + 1), lowest power of x first.
+    """
+    tableau = _tableau(method)
+    stages = tableau.num_stages
+    degree = max(method.order(None) or 1, 3)
+    x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+
+    def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
+        return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
+
+    # With a step of length 1 from 0, unit stage i leads to y1 = b_sol[i].
+    b, unit = np.asarray(tableau.b_sol), np.eye(stages)
+    rows = zip(b, unit, strict=True)
+    calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
+    numbers = evaluated(value, calls)
+    if numbers is not None:
+        values = np.reshape(numbers, (stages, len(x))).T
+    else:
+        with jax.ensure_compile_time_eval():
+            y1, k = map(jax.device_put, (b, unit))
+            values = np.array([value(0.0, 1.0, y1, k, t) for t in x])
+    return np.linalg.solve(np.vander(x, increasing=True), values).T
 
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
-    """Return the largest absolute value of all leaves of a PyTree, (), as norm of an error.
+    """Return the largest absolute value in a PyTree, (), used as the norm of an error.
 
-    A mean norm would dilute the error of one impact among the bodies without contact.
+    A mean would hide the error of one impact behind the small errors of bodies without contact.
     """
     # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
     # gathered into an array, which would keep the loop from becoming one native function.
@@ -28,13 +258,14 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's PID controller with `largest_component` as norm, so that the tolerances hold
-    for each variable."""
+    """Return diffrax's PID step-size controller with tolerances that hold for each variable,
+    because its norm is `largest_component`."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver takes ordinary differential equations without splitting.
+    """Check that a solver accepts ordinary differential equations in one piece, without splitting
+    them.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -51,12 +282,12 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
-    """Return a solver ready for single steps, as `diffrax.diffeqsolve` would prepare it.
+    """Return a solver ready for single steps, prepared as `diffrax.diffeqsolve` would do.
 
     Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods loop over
-    their stages by `lax.scan`, so that forward differentiation can follow. Implicit methods iterate
-    their stages to `rtol` and `atol` (SI units), unless their root finder has tolerances of its
-    own.
+    their stages by `lax.scan`, which forward differentiation supports. Implicit methods iterate
+    their stages to `rtol` and `atol` (in the SI unit of each variable), unless their root finder
+    has tolerances of its own.
     """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
@@ -70,7 +301,10 @@ def ready_solver(
 
 
 def _has_tolerances(solver: diffrax.AbstractImplicitSolver) -> bool:
-    """Whether the root finder has numbers as tolerances. Its default is a marker, which only
-    `diffrax.diffeqsolve` replaces by the tolerances of the controller."""
+    """Return whether the root finder of an implicit solver has numbers as tolerances.
+
+    Its default is a marker, which only `diffrax.diffeqsolve` replaces by the tolerances of the
+    controller.
+    """
     rtol = getattr(solver.root_finder, "rtol", None)
     return isinstance(rtol, int | float | jax.Array)

@@ -1,4 +1,4 @@
-"""Checks of the start and end time of a run, and of times between them."""
+"""Checks of the start time and end time of a run, and of times between them."""
 
 import jax
 import jax.numpy as jnp
@@ -9,15 +9,15 @@ from ...fields.types import ArrayLike, Column
 from ...math.vectors import Scalar
 
 ROUNDINGS = 4.0
-"""Tolerance for times outside of a run, in units of rounding: times in single precision, and sums
-of steps, deviate that much."""
+"""Largest distance of a valid time from the span of a run, in units of rounding error: times in
+single precision, and sums of steps, are off by that much."""
 SHORTEST = 1e10
-"""Shortest duration of a run, in smallest normal numbers. Processors flush smaller numbers to zero,
-and the lengths of the first steps are a small part of the duration."""
+"""Shortest duration of a run, in multiples of the smallest normal floating-point number. Smaller
+numbers become zero in the processor, and the first steps are a small part of the duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s; values of traced times are not checked.
+    """Check the `start` and `end` time of a run, s; values that JAX traces are not checked.
 
     **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
     by at least `SHORTEST`.
@@ -45,12 +45,12 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Return times within a run from `start` to `end`, s, after checks.
+    """Check that times lie within a run from `start` to `end`, s, and return them.
 
     **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 
-    **Returns:** the times, (N,), in double precision. Times that are outside of the run by rounding
-    alone are moved to its start or end. Traced times are only checked for their shape.
+    **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
+    alone are moved to its start or end. Of traced times only the shape is checked.
 
     **Raises:** `ValueError` for times that decrease or are outside of the run.
     """
@@ -70,9 +70,10 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def check_rising(times: ArrayLike, argument: str) -> Column:
-    """Return times as an array, (N,), after checks; traced times are only checked for their shape.
+    """Check that times, s, do not decrease, and return them as an array, (N,). Of traced times only
+    the shape is checked.
 
-    **Arguments:** `times`: s; `argument`: their name in error messages.
+    **Arguments:** `argument`: the times' name in error messages.
 
     **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional.
     """
@@ -89,9 +90,10 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """Return how far `times` may be outside of a run from `start` to `end` by rounding alone, s.
+    """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
+    rounding errors alone.
 
-    The least precise floating-point type of the arguments decides.
+    The least precise floating-point type among the arguments determines the rounding error.
     """
     precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
     return ROUNDINGS * precision * (abs(start) + abs(end))

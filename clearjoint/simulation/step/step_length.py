@@ -1,4 +1,9 @@
-"""Lengths of steps between events, and the magnitudes to which errors are compared."""
+"""Lengths of steps before and after events, and the magnitudes to which errors are compared.
+
+An event is the onset or the end of a contact, or a breakpoint, a time at which a driver or load
+changes abruptly. Steps end at events. A step that an event ends earlier than the step-size
+controller proposed is said to be cut short.
+"""
 
 from dataclasses import replace
 
@@ -16,12 +21,16 @@ from ...model.scene import Scene
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
-"""A step shorter than this part of its `full_length` counts as cut short by an event."""
+"""A step counts as cut short if it is shorter than this part of its `full_length`, the length that
+it would have without events."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Return the end of the next trial, s: the proposed end or, if that is earlier, the next
-    breakpoint, the predicted next contact event, or the end `t_end` of the run."""
+    """Return the end of the next trial, s.
+
+    It is the earliest of four times: the proposed end in `step.proposal`, the next breakpoint, the
+    predicted next event of a contact, and the end `t_end` of the run.
+    """
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
@@ -37,14 +46,17 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
+    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal` in a scene
+    with contacts.
 
     **Arguments:**
 
-    - `step`: the state before the trial; `after`: the contact gaps at the trial's end `t1`, s.
+    - `step`: the state before the trial.
+    - `after`: the contact gaps at the end of the trial, at the time `t1`, s.
     - `keep`: whether the trial is accepted.
-    - `lands`: whether the trial is rejected because it passes an event, and repeated up to it.
-    - `proposed`: the controller's length for the next step, s.
+    - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
+      event.
+    - `proposed`: the step-size controller's length for the next step, s.
     """
     last = step.proposal
     length_tried = t1 - step.t
@@ -62,30 +74,34 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal`, s, in a scene with breakpoints but no contacts;
-    arguments as for `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal`, s, in a scene with breakpoints but no contacts.
+    The arguments are those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length of the next step, s: the proposed one, but after a step that an event cut
-    short (`is_cut`) at least the full length of the last proposal."""
+    """Return the length of the next step, s.
+
+    It is the length that the controller `proposed`. But if the `last` step was cut short
+    (`is_cut`), it is at least that step's `full_length`.
+    """
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
-    """Return the numbers to which the step-size controller relates the errors of the variables.
+    """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    The result has the structure and units of `y`. The sign of a number has no meaning, because the
-    controller takes its absolute value.
+    The result has the structure and units of `y`. The controller takes absolute values, so signs
+    have no meaning.
 
     - Positions and velocities of bodies: the largest absolute component of the vector, for all
       three components.
     - Bristle deflections: the absolute value, but at least 1.
     - All other variables: the variable itself.
 
-    **Arguments:** `y`: variables, with bristle deflections from `with_relative_bristles`.
+    **Arguments:** `y`: variables whose bristle deflections are dimensionless, from
+    `with_relative_bristles`.
     """
 
     def largest_component(vector: Vector) -> Vector:
@@ -119,7 +135,8 @@ def magnitudes(y: Variables) -> Variables:
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
     """Return variables, or errors of variables, with dimensionless bristle deflections.
 
-    Each deflection, m, is divided by the deflection of its contact at full friction, m.
+    Each deflection, m, is divided by the deflection of its contact at full friction, m, which
+    follows from the `scene`.
     """
     full = full_deflections(scene)
     return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

@@ -1,5 +1,11 @@
-"""Data that a run carries from step to step: variables, contacts, tangents, and the next
-proposal."""
+"""Data that a run carries from step to step: variables, contacts, derivatives, and the next step to
+try.
+
+A run tries a step, accepts or rejects it, and tries the next one. Steps end at events: the onset or
+the end of a contact, or a breakpoint, a time at which a driver or load is declared to change
+abruptly. The tangents of a run are derivatives of its variables with respect to p parameters, which
+are integrated together with the variables.
+"""
 
 from typing import TypeAlias, TypeVar
 
@@ -16,23 +22,24 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
 from ...result_codes import RESULTS
 from .landing import Landing
+from .solvers import DenseInformation
 from .time_map import AbstractTimeMap
-from .unrolled_runge_kutta import DenseInformation
 
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""State of a diffrax solver between steps; for `UnrolledExplicit` the rates at the end of the
-step."""
+"""What a diffrax solver keeps from one step to the next; `UnrolledExplicit` keeps the rates at the
+end of the step."""
 ControllerState: TypeAlias = PyTree[Scalar]
-"""State of a diffrax step-size controller between steps."""
+"""What a diffrax step-size controller keeps from one step to the next."""
 
 
 class Method(eqx.Module):
-    """Integration method.
+    """Integration method of a run.
 
-    - `solver`, `controller`: diffrax's, ready for single steps.
-    - `landing`: where steps end at contact events; ``None`` if steps go across these events.
+    - `solver`, `controller`: diffrax's solver and step-size controller, ready for single steps.
+    - `landing`: the rule by which steps end at the onset and the end of a contact; ``None`` if
+      steps go across these events.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
       the variables; ``None`` in runs without tangents.
     """
@@ -44,11 +51,13 @@ class Method(eqx.Module):
 
 
 class Variables(eqx.Module):
-    """The integrated variables, or their rates, which have the same form.
+    """The integrated variables of a run. Their rates per s have the same form.
 
-    - `motion`: coordinates and velocities, as the formulation defines them, in SI units.
+    - `motion`: coordinates and velocities of the bodies, as the formulation defines them, in SI
+      units.
     - `work`: integrals of the energy ledger by name, J; empty without a ledger.
-    - `bristles`: deflections, m, as `bristles[joint][contact]`; empty without bristle laws.
+    - `bristles`: deflections of the surfaces by friction laws that can stick, m, as
+      `bristles[joint][contact]`; empty without such laws.
     """
 
     motion: MotionVariables
@@ -57,11 +66,11 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Tangents: derivatives with respect to p parameters, of fields of a `Step`.
+    """Derivatives of three fields of a `Step` with respect to p parameters.
 
     Each field has the structure of the field of `Step` with the same name, and each leaf has an
     additional first axis of length p. The unit of a leaf is that of the variable, per unit of the
-    parameter on its scale (a `Log` scale has no unit).
+    parameter on its scale (a logarithm has no unit).
     """
 
     y: Variables
@@ -76,10 +85,11 @@ class Proposal(eqx.Module):
     - `full_length`: length that the step would have if no event had cut earlier steps short.
     - `begins_contact`: whether a contact begins at the start of the step.
     - `time_since_onset`: time from the latest onset of a contact to the start of the step, infinite
-      if there was none; ``None`` in runs without derivatives.
-    - `entry_length`: length of the latest step that began with an onset and was not cut short.
-    - `made_jump`: whether rates may have jumped at the start of the step, after the solver computed
-      the rates that it keeps.
+      if there was none; ``None`` in runs without tangents.
+    - `entry_length`: length of the latest step that began with an onset and was not cut short by an
+      event.
+    - `made_jump`: whether rates may have changed abruptly at the start of the step, so that the
+      rates which the solver has kept are no longer valid.
     - `controller_state`: state of the step-size controller.
     """
 
@@ -95,14 +105,18 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """The complete state of a run between two steps.
 
-    - `t`: end of the latest accepted step, s since the `origin` of the `System`.
-    - `y`, `entry_speeds` (m/s), `contact_gaps` (m and m/s): variables and contacts at t.
-    - `second_rates`: second derivative of each penetration at t, m/s^2, by joint and contact; zero
-      if the solver keeps no rates.
-    - `solver_state`, `proposal`: input of the next trial.
+    - `t`: end of the latest accepted step, s, on the clock of the run's `System`, which may start
+      at zero.
+    - `y`: the integrated variables at t.
+    - `entry_speeds`: m/s, by joint and contact; the penetration rate at the onset of the present
+      contact, zero without contact. Only contacts whose law uses it have one.
+    - `contact_gaps`: penetration, m, and its rate, m/s, of each contact at t.
+    - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
+      zero if the solver keeps no rates.
+    - `solver_state`, `proposal`: what the next trial needs besides the variables.
     - `result`: the result code so far.
     - `attempts`, `accepted`: number of trials so far, and of those that were accepted.
-    - `tangents`: derivatives of the state; ``None`` in runs without derivatives.
+    - `tangents`: derivatives of the state; ``None`` in runs without tangents.
     """
 
     t: Scalar
@@ -119,14 +133,14 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """The state after a trial step, with the data for dense output inside this step.
+    """The state after a trial step, with the data for dense output (the solution inside this step).
 
     - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal.
     - `kept`: whether the trial was accepted.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `information`: the solver's data for dense output.
     - `time_map`: how time passes in the trial; ``None`` if time is uniform in all steps.
-    - `tangents`: derivatives of the data for dense output; ``None`` in runs without derivatives.
+    - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     """
 
     step: Step
@@ -150,6 +164,6 @@ class TangentsInside(eqx.Module):
 
 
 def choose(condition: Condition, first: T, second: T) -> T:
-    """Return `first` if `condition`, a scalar, is true, otherwise `second`; leaf by leaf, in
-    PyTrees of one structure."""
+    """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, selected
+    leaf by leaf. Both have the same structure."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)

@@ -1,12 +1,17 @@
 """Main loop of a run: try one step, accept or reject it, and carry the state to the next one.
 
 diffrax supplies the solver's `step` and the controller's `adapt_step_size`. This module calls them
-one step at a time (diffrax, "manual stepping") instead of through `diffeqsolve`, because it lands
-steps on contact events, updates entry speeds and bristles, corrects the state across force
-discontinuities and carries derivatives, all between a trial step and its acceptance. In
-`diffeqsolve` wrapped solvers and controllers would need hidden state for this. The body of the loop
-is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one native
-function.
+one step at a time (diffrax calls this "manual stepping") instead of through `diffeqsolve`, because
+between a trial step and its acceptance it ends steps at contact events, updates entry speeds and
+bristles, corrects the state where forces are discontinuous, and carries derivatives. In
+`diffeqsolve`, wrapped solvers and controllers would need hidden state for this. The body of the
+loop is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one
+native function.
+
+Terms: the entry speed of a contact is its penetration rate at its onset, m/s. Bristles are
+deflections of the surfaces in friction laws that can stick. Tangents are derivatives of the
+variables with respect to p parameters. A breakpoint is a declared time at which a driver or load
+changes abruptly.
 """
 
 import warnings
@@ -38,6 +43,7 @@ from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
 from .saltation import across_contacts, contacts_jump, slopes_jump
+from .solvers import UnrolledExplicit
 from .step_length import end_of_step
 from .step_state import (
     Attempt,
@@ -52,18 +58,17 @@ from .step_state import (
 )
 from .systems import SystemFamily
 from .trial_step import Trial, error_order, term_of, try_step
-from .unrolled_runge_kutta import UnrolledExplicit
 
 Shapes = TypeVar("Shapes")
 
 MANY_OPERATIONS = 50_000
-"""Number of operations in the equations of motion above which `shapes_of` warns: compiling then
+"""Number of operations in the equations of motion above which `shapes_of` warns, because compiling
 takes half a minute or more.
 
 Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
 processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
-and 55 000 operations). XLA writes out all stages: 53 and 264 s for the first two chains, more than
-8 GB of memory for the last.
+and 55 000 operations). XLA writes out all stages: it took 53 and 264 s for the first two chains,
+and more than 8 GB of memory for the last.
 """
 OPERATIONS_WITH_DERIVATIVES = 3
 """Number of operations of a step with derivatives, relative to a step without."""
@@ -79,15 +84,16 @@ def start(
     entry_speeds: EntrySpeeds,
     derivatives: bool = False,
 ) -> Step:
-    """Return the `Step` from which a run begins.
+    """Return the `Step` from which a run begins, the complete state before the first step.
 
     **Arguments:**
 
-    - `t0`, `t_end`: start and end of the run, s since the system's `origin`.
-    - `first_step`: length of the first step, s; the controller chooses it if ``None``.
-    - `y`: the motion and, to continue an earlier run, ledger integrals and bristle deflections;
-      missing ones are initialised.
-    - `entry_speeds`: m/s, by joint and contact; derived from the contacts at `t0` if empty.
+    - `t0`, `t_end`: start and end of the run, s, on the clock of `system`.
+    - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
+    - `y`: the motion and, to continue an earlier run, integrals of the energy ledger and bristle
+      deflections; missing ones are initialised.
+    - `entry_speeds`: m/s, by joint and contact; if empty, they are derived from the contacts at
+      `t0`.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
@@ -101,7 +107,9 @@ def start(
     )
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
-    count = jnp.zeros((), dtype=int)
+    count, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
+    # The onset of a contact that exists already is unknown, and counts as long past.
+    since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
     step = Step(
         t=t0,
         y=y,
@@ -112,8 +120,8 @@ def start(
         proposal=Proposal(
             t_next=t_next,
             full_length=t_next - t0,
-            begins_contact=begins_at_start(contact_gaps),
-            time_since_onset=_time_since_onset(contact_gaps) if derivatives else None,
+            begins_contact=begins_contact,
+            time_since_onset=since_onset if derivatives else None,
             entry_length=t_next - t0,
             made_jump=False,
             controller_state=controller_state,
@@ -126,20 +134,18 @@ def start(
     return jax.tree.map(jnp.asarray, step)
 
 
-def _time_since_onset(contact_gaps: ContactGaps) -> Scalar:
-    """Return the time since the onset of a contact at the start of a run, s: zero if a contact
-    begins there, otherwise infinite, since the onset of an existing contact is unknown."""
-    return jnp.where(begins_at_start(contact_gaps), 0.0, jnp.inf)
-
-
 def _initial_ledger(
     system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
 ) -> dict[str, Scalar]:
-    """Return the integrals of the energy ledger at the start, J, by name; empty without a ledger.
+    """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
+    ledger.
 
-    Integrals in `y.work` are kept; the others start at zero. "friction" starts at the energy stored
-    in the bristles: the ledger counts under "friction" all energy that friction takes from the
-    motion, including the part that bristles will return.
+    Integrals that `y.work` contains are kept; the others start at zero. "friction" is an exception:
+    it starts at the energy stored in the bristles, because the ledger counts under "friction" all
+    energy that friction takes from the motion, including the part that bristles will return.
+
+    **Arguments:** `t`: s, the start; `y`, `entry_speeds`: variables and entry speeds there;
+    `derivatives`: whether the run has tangents.
     """
     # Only the names of the powers are needed: the equations are traced and not computed.
     _, powers = shapes_of(
@@ -154,12 +160,14 @@ def _initial_ledger(
 
 
 def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
-    """Return `jax.eval_shape` of the equations of motion, and warn if they are large.
+    """Return the shapes and types of the results of the equations of motion, and warn if the
+    equations are large.
 
-    It runs while a program is traced: once for each compiled program, before the compiler starts.
+    The result is that of `jax.eval_shape`. The function runs while a program is traced: once for
+    each compiled program, before the compiler starts.
 
-    **Arguments:** `equations`: function without arguments; `derivatives`: whether steps carry
-    tangents.
+    **Arguments:** `equations`: a function without arguments that evaluates the equations;
+    `derivatives`: whether steps carry tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
     operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
@@ -176,7 +184,8 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
 
 
 class _AcceptedState(eqx.Module):
-    """The state after a trial step, for the case that the step is accepted; fields as in `Step`."""
+    """The part of a `Step` that changes if a trial step is accepted; the fields are as in
+    `Step`."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -188,10 +197,11 @@ class _AcceptedState(eqx.Module):
 def attempt(
     method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
-    """Try one step from `step`; either accept it or propose a shorter one.
+    """Try one step; either accept it or propose a shorter one.
 
-    **Arguments:** `t_end`: end of the run, s since the system's `origin`, beyond which no step
-    goes; `family`: the systems as functions of the parameters, if the step carries derivatives.
+    **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, s, on the clock of
+    `system`, beyond which no step goes; `family`: the systems as functions of the parameters, if
+    the step carries tangents.
 
     **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
     the given state with a new proposal.
@@ -239,13 +249,14 @@ def _accepted_state(
     after: ContactGaps,
     keep: Condition,
 ) -> _AcceptedState:
-    """Return the state after a trial, for the case that the trial is accepted.
+    """Return the state after a trial step, for the case that the trial is accepted.
 
-    Entry speeds are updated first, since they depend on the gaps as the solver found them. Then the
-    variables are corrected for force discontinuities at the end of the step.
+    Entry speeds are updated first, since they depend on the penetrations as the solver found them.
+    Then the variables are corrected for discontinuities of forces at the end of the step. If the
+    trial is rejected, the result is not used, and a single run skips parts of the work.
 
-    **Arguments:** `after`: the contact gaps at the end of the trial; `keep`: whether the trial is
-    accepted. The state after a rejected trial is not used, so a single run skips parts of the work.
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
+    trial; `keep`: whether the trial is accepted.
     """
     t1, y1 = trial.t1, trial.outcome.y
     second_rates = choose(
@@ -273,15 +284,18 @@ def _across_discontinuities(
     trial: Trial,
     keep: Condition,
 ) -> tuple[Variables, Variables | None]:
-    """Return the variables at the end of a step and their tangents, corrected for force
-    discontinuities there; the tangents are ``None`` without a `family`.
+    """Return the variables at the end of a trial step and their tangents, corrected for
+    discontinuities of forces there. The tangents are ``None`` without a `family`.
 
-    See `.saltation` and `.breakpoint_events`. The corrections of the values are zero to rounding,
-    except for velocities at the kink of a driver; the corrections of the derivatives are not small.
+    See `.saltation` and `.breakpoint_events`. The corrections of the variables are zero except for
+    rounding, and for velocities where the angle of a driver has a kink. The corrections of the
+    tangents are not small.
+
+    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
-    # What the scene cannot have is left out of the program. A force whose slope alone jumps changes
-    # only derivatives, so a run without derivatives skips that correction.
+    # Corrections that the scene cannot need are left out of the program. If only the slope of a
+    # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
     contacts = method.landing is not None and (slopes or contacts_jump(system.scene))
     has_breakpoints = bool(breakpoints(system.scene))
@@ -290,7 +304,7 @@ def _across_discontinuities(
     t1 = trial.t1
 
     # All corrections are one function of the system, so that `family` can differentiate them by the
-    # parameters. Bristles come last: they follow the corrected motion.
+    # parameters. Bristles come last, because they depend on the corrected motion.
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         if contacts:
             time = one_sided_time(system, step.t, t1)
@@ -325,13 +339,14 @@ def _tangents_after(
     y_tangents: Variables,
     second_rates: ByLabel[Scalar],
 ) -> Tangents:
-    """Return the tangents for the case that the step is accepted.
+    """Return the tangents at the end of a trial step, for the case that it is accepted.
 
     The tangents of entry speeds neglect terms proportional to the penetration at the end of the
     step, because the second rates are treated as constants.
 
-    **Arguments:** `y_tangents`: tangents of the corrected variables at the end of the step;
-    `second_rates`: second derivatives of penetrations there, m/s^2.
+    **Arguments:** `step`: the state before the trial; `y_tangents`: tangents of the corrected
+    variables at the end of the step; `second_rates`: second time derivatives of penetrations there,
+    m/s^2.
     """
     end, start = trial.tangents, step.tangents
     assert end is not None and start is not None
@@ -344,8 +359,8 @@ def _tangents_after(
             system.scene, entry_speeds, step.contact_gaps, after, second_rates
         ), None
 
-    # Differentiated at the solver's result, not at the corrected one: entry speeds were computed
-    # from the gaps of the former.
+    # The derivatives are taken at the solver's result, from whose gaps the entry speeds were
+    # computed, and not at the corrected one.
     _, _, entry_speed_tangents = family.pushed(
         entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
     )
@@ -362,9 +377,12 @@ def _entry_speeds_after(
     keep: Condition,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after a step, m/s, by joint and contact, if the step is accepted.
+    """Return the entry speeds after a step, m/s, by joint and contact, for the case that it is
+    accepted.
 
-    **Arguments:** `y1`, `after`: variables and contact gaps at the end `t1`, s, of the step.
+    **Arguments:** `step`: the state before the step; `y1`, `after`: variables and contact gaps at
+    its end `t1`, s; `keep`: whether it is accepted; `second_rates`: second time derivatives of
+    penetrations at the end, m/s^2, zero if the solver keeps no rates.
     """
     if not uses_entry_speed(system.scene):
         return step.entry_speeds
@@ -392,10 +410,10 @@ def _second_rates(
     solver_state: SolverState,
     contact_gaps: ContactGaps,
 ) -> ByLabel[Scalar]:
-    """Return the second derivatives of penetrations, m/s^2, by joint and contact.
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact.
 
-    The rates of the variables, which `UnrolledExplicit` keeps as its state, determine them. With
-    other solvers the result is zero.
+    They follow from the rates of the variables `y`, which `UnrolledExplicit` keeps as its state.
+    With other solvers the result is zero.
     """
     if contact_gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
@@ -414,14 +432,17 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return an `Attempt` of zeros that contains `step`: the initial value of a loop over
-    attempts."""
+    """Return an `Attempt` that contains `step` and is zero otherwise: the initial value of a loop
+    over attempts.
+
+    **Arguments:** as those of `attempt`; `attempt`: the function that tries a step.
+    """
     shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
     zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
     return replace(zeros, step=step)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether to try another step: the run is before `t_end`, s, without failure, and has
+    """Return whether a run goes on: its time is before `t_end`, s, it has not failed, and it has
     made fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -1,4 +1,5 @@
-"""Systems of the equations of motion as functions of parameters, for their derivatives."""
+"""The equations of motion of a scene as functions of parameters, for derivatives by these
+parameters."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -18,14 +19,13 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """The equations of motion of a scene (`System`) as a function of p parameters.
+    """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
-    Alike elements of the scene are not combined to groups.
-
-    **Arguments:**
+    Runs without derivatives compute alike elements of a scene together as groups; here every
+    element is computed on its own.
 
     - `family`: the scene and its initial state as functions of the parameters.
-    - `formulation`: formulation of the equations of motion.
+    - `formulation`: coordinates and other choices of the equations of motion.
     - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
       the scene's time.
     """
@@ -36,15 +36,17 @@ class SystemFamily(eqx.Module):
 
     @property
     def values(self) -> Coordinates:
-        """The parameters on their scales at which derivatives are taken, (p,)."""
+        """Values of the parameters at which derivatives are taken, (p,), each on its parameter's
+        scale, such as a logarithm."""
         return self.family.values
 
     def system(self) -> System:
-        """Return the system of the scene at the parameters `values`."""
+        """Return the equations of motion for the parameters' `values`."""
         return System(self.family.scene(self.values), self.formulation, self.origin)
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state, in scalar form, at parameters on their scales, (p,)."""
+        """Return the initial state for given parameters, (p,), on their scales. Each vector of the
+        state is three separate scalars."""
         return self.family.start(values)
 
     def pushed(
@@ -53,16 +55,21 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """Compute a function of the system and its derivatives with respect to the parameters.
+        """Evaluate a function of the system, and differentiate it with respect to the parameters.
+
+        The derivatives are total ones: through the system, which depends on the parameters, and
+        through the function's further arguments.
 
         **Arguments:**
 
         - `function`: function of the system and of `primals`. It returns a pair: the value, which
           is differentiated, and an auxiliary result, which is not.
-        - `primals`: arguments that follow the system; they may depend on the parameters.
-        - `tangents`: derivatives of `primals` with respect to the parameters, (p, ...) each.
+        - `primals`: the arguments of `function` after the system.
+        - `tangents`: derivatives of `primals` with respect to the parameters: PyTrees of the same
+          structures, whose leaves have an additional first axis of length p.
 
-        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...).
+        **Returns:** the value, the auxiliary result, and the value's derivatives, with a first axis
+        of length p in each leaf.
         """
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:

@@ -1,14 +1,16 @@
-"""Time maps of steps: they place stages close together where a contact begins or ends.
+"""Time maps of steps, which place the stages of a solver close together where a contact begins or
+ends.
 
-After an onset at t_on a contact force grows as (t - t_on)^1.5, and before the end of the contact it
-falls likewise. Its derivative with respect to a parameter goes as the square root of the same time.
+A stage is a time inside a step at which a Runge-Kutta solver evaluates the rates. After an onset at
+t_on, a contact force grows as (t - t_on)^1.5, and before the end of the contact it falls likewise.
+Its derivative with respect to a parameter is proportional to the square root of the same time.
 Neither is smooth in t, but both are smooth in that square root. With uniform time, error estimates
 miss nearly all of the error of the first step after an onset: 1e-6 of an impact's energy at an
 `rtol` of 1e-8. And in runs with derivatives, the lengths of consecutive steps could differ by at
 most a seventh after an onset and before an end.
 
-A time map is a polynomial. Its argument is the fraction x of a step, 0 to 1, at which the tableau
-places the solver's stages; its value is the elapsed part of the step's time, 0 to 1.
+A time map is a polynomial. Its argument is the fraction x of a step, 0 to 1, at which the solver's
+tableau places its stages; its value is the elapsed part of the step's time, 0 to 1.
 """
 
 import abc
@@ -20,32 +22,33 @@ import jax.numpy as jnp
 from ...math.vectors import Condition, Scalar
 
 TINY = 1e-300
-"""Smallest argument of square roots, whose derivative at zero would be infinite."""
+"""Smallest argument of a square root here; at zero, the derivative of the square root would be
+infinite."""
 
 
 class AbstractTimeMap(eqx.Module):
-    """Relation between the fraction x of a step, 0 to 1, and the elapsed part of its time, 0 to
-    1."""
+    """Base class of time maps, functions from the fraction x of a step to the elapsed part of its
+    time, both 0 to 1."""
 
     @abc.abstractmethod
     def elapsed(self, x: float) -> Scalar:
-        """Return the elapsed part of the step's time at the fraction x."""
+        """Return the elapsed part of the step's time, 0 to 1, at the fraction x."""
 
     @abc.abstractmethod
     def slope(self, x: float) -> Scalar:
-        """Return the derivative of `elapsed` with respect to x, at x."""
+        """Return the derivative of the method `elapsed` with respect to x, at x."""
 
     @abc.abstractmethod
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the fraction x at which a part `elapsed` of the time has passed; the inverse of
-        the method `elapsed`."""
+        """Return the fraction x at which a part `elapsed` of the step's time has passed: the
+        inverse of the method `elapsed`."""
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of the step to try next, s.
+        """Return the length of the step to try next, s; by default the controller's proposal.
 
-        **Arguments:** `proposed`: s, the controller's proposal, which assumes that the next step
-        has the same time map; `keep`: whether this step is accepted. A rejected step is repeated
-        from its start.
+        **Arguments:** `proposed`: s, the step-size controller's proposal, which assumes that the
+        next step has the same time map; `keep`: whether this step is accepted. A rejected step is
+        repeated from its start.
         """
         del keep
         return proposed
@@ -73,13 +76,13 @@ class FromOnset(AbstractTimeMap):
 
 
 class WithinContact(AbstractTimeMap):
-    """Time map in which x is linear in the square root of the time since a contact's onset, or of
-    the time until its end.
+    """Time map of a step during a contact: x is linear in the square root of the time since the
+    contact's onset, or of the time until its end.
 
     **Arguments:**
 
     - `length`: length of the step, s.
-    - `start`, `end`: the square roots at the start and end of the step, s^0.5; both 1 without a
+    - `start`, `end`: these square roots at the start and end of the step, s^0.5; both 1 without a
       contact, which makes time uniform.
     """
 
@@ -102,8 +105,8 @@ class WithinContact(AbstractTimeMap):
         - `until_end`: predicted time until the first contact ends, s, infinite if none is expected
           to end.
         """
-        # The nearer singularity decides. At an onset `since` may still be that of an earlier
-        # contact, so `begins` overrides it.
+        # The onset or the end decides, whichever is nearer. If a contact begins now, `since` may
+        # still be the time since the onset of an earlier contact, so `begins` overrides it.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
@@ -113,21 +116,19 @@ class WithinContact(AbstractTimeMap):
         return jax.lax.stop_gradient(WithinContact(length, *roots))
 
     def elapsed(self, x: float) -> Scalar:
-        """Return x (p + (1 - p) x), where p is the slope at the start of the step."""
+        """Return x (p + (1 - p) x), where p is the slope of the map at the start of the step."""
         pace = self._initial_slope()
         return x * (pace + (1.0 - pace) * x)
 
     def slope(self, x: float) -> Scalar:
-        """Return p + 2 (1 - p) x, the derivative of `elapsed`, where p is the slope at the
-        start."""
+        """Return p + 2 (1 - p) x, the derivative of `elapsed`, where p is the slope of the map at
+        the start of the step."""
         pace = self._initial_slope()
         return pace + 2.0 * x * (1.0 - pace)
 
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the root x of the quadratic equation `elapsed(x) = elapsed`.
-
-        The form of the root avoids the cancellation of nearly equal terms.
-        """
+        """Return the root x of the quadratic equation `elapsed(x) = elapsed`, in a form that avoids
+        the cancellation of nearly equal terms."""
         pace = self._initial_slope()
         square = pace * pace + 4.0 * (1.0 - pace) * elapsed
         return 2.0 * elapsed / (pace + jnp.sqrt(jnp.maximum(square, TINY)))
@@ -135,18 +136,19 @@ class WithinContact(AbstractTimeMap):
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try next, s.
 
-        The error of a step is smooth in the square root of time, the variable of this map.
-        Therefore the controller's ratio, `proposed / length`, is applied to the difference of
-        square roots over this step; the result is the length of a step with that difference. If
-        this step would go past the end of the contact, `proposed` is returned.
+        The error of a step is smooth in the square root of time in which this map is linear.
+        Therefore the controller's ratio of lengths, `proposed / length`, is applied to the
+        difference of the square roots over this step, and the result is the length of a step with
+        that difference. If such a step would go past the end of the contact, `proposed` is
+        returned.
         """
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
-        # (root + change)^2 - root^2, in which end^2 - start^2 is the length up to its sign.
+        # This is (root + change)^2 - root^2, up to its sign, since `length` is end^2 - start^2.
         alike = proposed * (2.0 * root + change) / (self.start + self.end)
         return jnp.where(root + change >= 0.0, alike, proposed)
 
     def _initial_slope(self) -> Scalar:
-        """Return the slope of `elapsed` at the start of the step, 0 at an onset and 1 for uniform
-        time."""
+        """Return the slope of the map at the start of the step: 0 at an onset, 1 if time is
+        uniform."""
         return 2.0 * self.start / (self.start + self.end)

@@ -1,4 +1,8 @@
-"""One trial step of the solver with its derivatives, before it is accepted or rejected."""
+"""One trial step of the solver with its tangents, before it is accepted or rejected.
+
+Tangents are derivatives of the variables with respect to p parameters. A contact is closed if it
+has a force. The entry speed of a contact is its penetration rate at its onset, m/s.
+"""
 
 from dataclasses import replace
 
@@ -20,22 +24,23 @@ from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import correct
 from .saltation import contacts_jump, slopes_jump
+from .solvers import DenseInformation, UnrolledExplicit
 from .step_state import Method, SolverState, Step, Variables, choose
 from .systems import SystemFamily
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
-from .unrolled_runge_kutta import DenseInformation, UnrolledExplicit
 
 REJECTED_ERROR = 1e30
-"""Error assigned to a trial that is not finite, large enough for any controller to reject it."""
+"""Error assigned to a trial whose result is not finite; it is large enough for any controller to
+reject the trial."""
 
 
 def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
-    """Return the time derivatives of all integrated variables at the time t, s.
+    """Return the time derivatives of all integrated variables `y` at the time t, s.
 
-    **Arguments:** `entry_speeds`: m/s; `closed`: whether each contact transmits a force, by joint
-    and contact; by default those that penetrate do.
+    **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
+    force, by joint and contact; by default those that penetrate do.
     """
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
@@ -43,15 +48,16 @@ def rates_of(
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
-    """Return the rates of the variables as a diffrax term, with `(system, entry_speeds)` as `args`.
+    """Return the differential equations as a diffrax term, a function of time, variables and
+    `args`, the pair `(system, entry_speeds)`.
 
     The rates are traced once per term and reused for all stages. Each term traces anew, because the
-    traced function closes over values of the surrounding trace.
+    traced function uses values of the surrounding trace.
 
-    **Arguments:** `step`: the state at the start of the step in which the rates are evaluated;
-    ``None`` outside of steps. If steps land on contact events, contacts stay open or closed in the
-    whole step as they are at its start. Forces that depend on time are evaluated between the same
-    two breakpoints in the whole step.
+    **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
+    ``None`` outside of steps. In a step, forces that depend on time are evaluated between the same
+    two breakpoints, and if steps land on contact events, contacts stay open or closed as they are
+    at the start of the step.
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
@@ -77,19 +83,19 @@ def _rates(
 
 
 def error_order(method: Method) -> Single:
-    """Return the order of the solver's error estimate, from which the controller finds step
-    lengths."""
+    """Return the order of the solver's error estimate, which the step-size controller needs to
+    choose step lengths."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
     return order
 
 
 class SolverStep(eqx.Module):
-    """Result of a solver's step: variables, error estimate, data for dense output, and solver
+    """Result of a solver's step: variables, their error estimate, data for dense output, and solver
     state.
 
-    As tangents, the derivatives of these with respect to p parameters: each leaf has an additional
-    first axis of length p.
+    The tangents of a `SolverStep` have the same type. They are its derivatives with respect to p
+    parameters, and each leaf has an additional first axis of length p.
     """
 
     y: Variables
@@ -101,10 +107,10 @@ class SolverStep(eqx.Module):
 class Trial(eqx.Module):
     """A trial step as the solver computed it.
 
-    - `t1`: end of the step, s; `time_map`: how time passes in the step.
-    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without.
+    - `t1`: end of the step, s; `time_map`: how time passes in the step, uniformly if ``None``.
+    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
     - `finite`: whether `outcome` and `tangents` are finite. If not, their variables are those at
-      the start of the step, and their errors `REJECTED_ERROR`.
+      the start of the step, and their errors are `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
     """
 
@@ -117,8 +123,8 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s; ``None`` if time is uniform in all
-    steps of the run."""
+    """Return the time map of the step from `step` to `t1`, s, which places the solver's stages;
+    ``None`` if time is uniform in all steps of the run."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -128,17 +134,19 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
         # Without derivatives, mapping the steps towards the end of a contact saved no steps, and a
         # journal rolling along the wall took more.
         return FromOnset(begins)
-    until_end = method.landing.time_to_contact_end(step.contact_gaps, step.second_rates)
+    gaps, second_rates = step.contact_gaps, step.second_rates
+    until_end = method.landing.time_to_next_event(gaps, second_rates, ends_only=True)
     return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, until_end)
 
 
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute the solver's step from `step` to `t1`, s, corrected by the stabilisation.
+    """Compute the solver's step from `step` to `t1`, s, and correct it by the stabilisation of the
+    constraints.
 
-    **Arguments:** `family`: the systems as functions of the parameters; ``None`` without
-    derivatives.
+    **Arguments:** `family`: the systems as functions of the parameters; ``None`` in runs without
+    tangents.
     """
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -191,10 +199,11 @@ def _after_jump(
     """Return the solver's state at the start of a step: computed anew if a contact began or ended
     there, otherwise the state that the solver kept.
 
-    The kept rates are those with the contacts of the last step. They agree with the new rates, but
-    their derivatives do not if the slope of a force jumps.
+    The solver has kept the rates with the contacts of the last step. They agree with the new rates,
+    but their derivatives do not if the slope of a force jumps.
 
-    **Arguments:** `start`: variables, entry speeds and kept solver state at the start of the step.
+    **Arguments:** `step`, `t1`: start and end, s, of the step; `start`: variables, entry speeds and
+    kept solver state at the start of the step.
     """
     y, entry_speeds, kept = start
 
@@ -207,11 +216,11 @@ def _after_jump(
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """Return the variables normalised (unit Euler parameters, angles within two turns), and the
-    solver's state for the normalised variables.
+    """Return normalised variables (unit Euler parameters, angles within two turns), and the
+    solver's state for them.
 
     The solver keeps rates of the variables for its next step. Normalising is a change of variables,
-    so rates are multiplied by its Jacobian.
+    so these rates are multiplied by its Jacobian.
     """
 
     def matching(node: PyTree) -> PyTree:
@@ -225,8 +234,8 @@ def _without_drift(
 
 
 def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """Return `outcome` if `finite`; otherwise with the variables `y` and errors
-    `REJECTED_ERROR`."""
+    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y` and
+    with the error `REJECTED_ERROR`."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return SolverStep(
         choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
@@ -234,12 +243,12 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Return whether rates may be discontinuous from the end of one step to the start of the next.
+    """Return whether rates may be discontinuous from the end of one step to the start of the next,
+    so that the rates which the solver has kept must be computed anew.
 
-    The rates that the solver keeps from the last step are then computed anew. Rates are
-    discontinuous at breakpoints, where a contact begins to drag bristles, and where a force jumps
-    at an onset. A new entry speed changes rates too, unless steps land on onsets: there the force
-    is still zero.
+    Rates are discontinuous at breakpoints, where a contact begins to drag bristles, and where a
+    force jumps at an onset. A new entry speed changes rates too, unless steps land on onsets, where
+    the force is still zero.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
@@ -254,10 +263,10 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
 
 
 def _all_finite(tree: PyTree[Scalar]) -> Condition:
-    """Return whether all numbers are finite.
+    """Return whether all numbers of a PyTree are finite.
 
-    The sum of all leaves times 0 is 0 only if every leaf is finite: 0 times a NaN or infinity is
-    NaN.
+    0 times a NaN or an infinity is NaN, so the sum of all numbers times 0 is 0 only if all are
+    finite.
     """
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
@@ -267,7 +276,7 @@ def _all_finite(tree: PyTree[Scalar]) -> Condition:
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
-    """Return the sum, by halves, so that a processor can do independent additions at the same
-    time."""
+    """Return the sum of numbers, added by halves, so that a processor can do independent additions
+    at the same time."""
     middle = len(terms) // 2
     return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]

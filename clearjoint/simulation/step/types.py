@@ -5,10 +5,11 @@ from typing import Any, TypeAlias
 from jaxtyping import Float, Int
 
 Numbers: TypeAlias = Float[Any, "*times"]
-"""A number at each of N times, (N,); or a single number, ()."""
+"""A number at each of N times, (N,); or at a single time, ()."""
 Gradients: TypeAlias = Float[Any, "*times p"]
-"""Derivatives of a number with respect to p parameters at each of N times, (N, p); or (p,)."""
+"""Derivatives of a number with respect to p parameters at each of N times, (N, p); or at a single
+time, (p,)."""
 Integers: TypeAlias = Int[Any, "*times"]
-"""A whole number at each of N times, (N,); or a single one, ()."""
+"""A whole number at each of N times, (N,); or at a single time, ()."""
 Vectors: TypeAlias = Float[Any, "*times 3"]
-"""The x, y and z component of a vector at each of N times, (N, 3); or (3,)."""
+"""The x, y and z component of a vector at each of N times, (N, 3); or at a single time, (3,)."""

@@ -1,0 +1,207 @@
+"""Base classes of reductions: outputs of a run that are updated at every accepted step.
+
+A reduction carries a tally, a PyTree of arrays of fixed shape, from step to step, so that memory
+does not grow with the number of steps. Subclass `AbstractReduction` for reductions of your own. A
+windowed reduction counts only a window, a part of the run's time.
+"""
+
+import abc
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, TypeAlias
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ...fields.checks import as_number, require
+from ...fields.conversion import AbstractConverting
+from ...math.vectors import Condition, Scalar
+from ...model.scene import Scene
+from ...quantities.base import check_quantity
+from ...quantities.instant import Instant
+
+Instants: TypeAlias = Annotated[float | None, "s"]
+"""A time in s; ``None`` for the start or the end of the run."""
+
+
+class AbstractReduction(AbstractConverting):
+    """Base class of outputs that are updated at every accepted step of a run.
+
+    A subclass defines `start`, `update`, `results` and `units`, which JAX traces. If it reads the
+    integrals `Instant.work` of the energy ledger, it sets `needs_ledger = True`. The example adds
+    up the time in s during which a contact force exceeds a limit. Its tally is the pair of the
+    latest time and the sum:
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class TimeAbove(cj.extend.AbstractReduction):
+        joint: str
+        force: float  # N
+
+        def start(self, now):
+            return now.time, jnp.zeros(())
+
+        def update(self, tally, now):
+            before, above = tally
+            largest = cj.quantities.ContactForce(self.joint)(now)
+            step = now.time - before
+            return now.time, above + jnp.where(largest > self.force, step, 0.0)
+
+        def results(self, tally, now):
+            return {"": tally[1]}
+
+        def units(self):
+            return {"": "s"}
+
+    outputs = {"overload": TimeAbove("shoulder", force=500.0)}
+    ```
+    """
+
+    needs_ledger: ClassVar[bool] = False
+
+    def check(self, scene: Scene) -> None:
+        """Check that a scene has the elements that the reduction names.
+
+        By default all fields that are quantities are checked; a subclass may check more.
+
+        **Raises:** `ValueError` that lists the known names.
+        """
+        for name, value in vars(self).items():
+            check_quantity(name, value, scene)
+
+    @abc.abstractmethod
+    def start(self, now: Instant) -> PyTree:
+        """Return the tally at the start of the run, the instant `now`.
+
+        `update` must return a PyTree of the same structure, shapes and types.
+        """
+
+    @abc.abstractmethod
+    def update(self, tally: PyTree, now: Instant) -> PyTree:
+        """Return the tally after an accepted step.
+
+        **Arguments:** `tally`: the tally at the start of the step; `now`: the instant at the end of
+        the step. `now.inside(x)` is the instant at which a part x, 0 to 1, of the step's time has
+        passed.
+        """
+
+    @abc.abstractmethod
+    def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
+        """Return the results by name, from the last tally and the instant at the end of the run.
+
+        The result "" gets the name under which the user has requested the output. The other names
+        are appended to it after an underscore: "time" of the output "force" becomes "force_time".
+        """
+
+    @abc.abstractmethod
+    def units(self) -> dict[str, str]:
+        """Return the unit of each result, with the same keys as the dictionary from `results`."""
+
+
+def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
+    """Check that a run of a scene can compute the reductions among its outputs.
+
+    **Arguments:** `outputs`: outputs by name; those that are not reductions are ignored; `ledger`:
+    whether the run integrates the energy ledger.
+
+    **Raises:** `ValueError` that names the output, if the scene lacks an element that the reduction
+    names, or if the reduction needs the ledger and the run has none.
+    """
+    for name, output in outputs.items():
+        if not isinstance(output, AbstractReduction):
+            continue
+        expected = f"True for outputs[{name!r}]"
+        fine = ledger or not output.needs_ledger
+        require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
+        try:
+            output.check(scene)
+        except ValueError as error:
+            raise ValueError(f"Output {name!r}: {error}") from error
+
+
+def optional_time(value: Instants) -> Instants:
+    """Convert a time, s, to a Python float, and return ``None`` unchanged.
+
+    **Raises:** `ValueError` if `value` is not a single number, or NaN.
+    """
+    if value is None:
+        return None
+    time = np.asarray(as_number(value))
+    known = time.shape == () and not bool(np.isnan(time))
+    require(known, "after or until", value, "a time in s", "give one number, or leave it out")
+    return float(time)
+
+
+class Window(eqx.Module):
+    """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
+
+    If both are ``None``, the window is the whole run, and reductions leave all operations on
+    windows out of the compiled program.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+    """
+
+    after: Instants = eqx.field(static=True, converter=optional_time)
+    until: Instants = eqx.field(static=True, converter=optional_time)
+
+    def __check_init__(self):
+        later = f"later than after = {self.after}"
+        require(self.end > self.start, "until", self.until, later, "give both times in s")
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the window is the whole run."""
+        return self.after is None and self.until is None
+
+    @property
+    def start(self) -> float:
+        """Start of the window, s; minus infinity if `after` is ``None``."""
+        return -math.inf if self.after is None else self.after
+
+    @property
+    def end(self) -> float:
+        """End of the window, s; infinity if `until` is ``None``."""
+        return math.inf if self.until is None else self.until
+
+    def holds(self, time: Scalar) -> Condition:
+        """Return whether a time, s, is in the window."""
+        return (time >= self.start) & (time < self.end)
+
+    def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
+        """Return the part of a step that is in the window, as two fractions of the step, 0 to 1.
+
+        **Arguments:** `begin`, `end`: start and end of the step, s.
+
+        **Returns:** the fractions where the part begins and ends, equal if no part is in the
+        window.
+        """
+        length = jnp.where(end > begin, end - begin, 1.0)
+        first, last = (self.start - begin) / length, (self.end - begin) / length
+        return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
+
+    def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
+        """Return the result `value` of a run that ended at `time`, s, or NaN if the run ended
+        before the start of the window."""
+        return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
+
+
+class AbstractWindowedReduction(AbstractReduction):
+    """Base class of reductions over a window of time.
+
+    **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+    """
+
+    after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
+    until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
+
+    def __check_init__(self):
+        self._window()  # which checks the times
+
+    def _window(self) -> Window:
+        return Window(self.after, self.until)

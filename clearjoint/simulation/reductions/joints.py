@@ -1,0 +1,355 @@
+"""Reductions of joints: number of impacts, dissipated energy, and wear."""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ...fields.checks import require_count, require_positive
+from ...math.smoothing import norm_and_direction
+from ...math.vectors import Condition, Scalar, Vector, add
+from ...model.clearance_joints.journal_bases import BASES, HasJournal
+from ...model.contact.gap import slip_velocity
+from ...model.scene import Scene
+from ...quantities.base import require_known
+from ...quantities.instant import Instant
+from .base import AbstractWindowedReduction
+
+LOSSES = ("normal damping", "friction", "film")
+"""Names of the integrals of the energy ledger, J, that are losses in joints."""
+
+
+class CountTally(NamedTuple):
+    """Tally of `ImpactCount` after an accepted step.
+
+    - `count`: number of onsets so far.
+    - `touching`: whether each contact of the joint touches, by its label.
+    - `time`: s, the end of the step; ``None`` if the window is the whole run.
+    """
+
+    count: Scalar
+    touching: dict[str, Condition]
+    time: Scalar | None
+
+
+class ImpactCount(AbstractWindowedReduction):
+    """Number of impacts of a joint: the onsets of all of its contacts together.
+
+    A contact that exists at the start of the run does not count.
+
+    **Arguments:**
+
+    - `joint`: name of the joint.
+    - `after`, `until`: s, the window of time, by default the whole run; onsets outside of it do not
+      count. The result is NaN if the run ended before the window.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+
+    >>> cj.ImpactCount("shoulder")
+    ImpactCount(joint='shoulder')
+    """
+
+    joint: str = eqx.field(static=True)
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that the joint has contacts.
+
+        **Raises:** `ValueError` that lists the names of such joints.
+        """
+        require_known("joint", self.joint, scene.contact_joints())
+
+    def _touching(self, now: Instant) -> dict[str, Condition]:
+        return {label: gap.depth > 0.0 for label, gap in now.contact_gaps[self.joint].items()}
+
+    def start(self, now: Instant) -> CountTally:
+        """Return the tally at the start of the run, with a count of zero."""
+        time = None if self._window().is_whole else now.time
+        return CountTally(jnp.zeros(()), self._touching(now), time)
+
+    def update(self, tally: CountTally, now: Instant) -> CountTally:
+        """Return the tally after a step, with one added for each contact that began in the step and
+        in the window."""
+        count, after = tally.count, self._touching(now)
+        for label, touches in after.items():
+            begins = touches & ~tally.touching[label]
+            if tally.time is not None:
+                begins = begins & self._window().holds(self._onset(label, tally.time, now))
+            count = count + jnp.where(begins, 1.0, 0.0)
+        return CountTally(count, after, None if tally.time is None else now.time)
+
+    def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
+        """Return the time, s, at which a contact with a `label` began in the step from the time
+        `before`, s, to the instant `now`.
+
+        The penetration at the end of the step, over its rate there, is the time since the onset.
+        """
+        gap = now.contact_gaps[self.joint][label]
+        since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
+        return now.time - jnp.clip(since, 0.0, now.time - before)
+
+    def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
+        """Return the number of onsets in the window; NaN if the run ended before the window."""
+        return {"": self._window().if_reached(tally.count, now.time)}
+
+    def units(self) -> dict[str, str]:
+        """Return "1": a count has no unit."""
+        return {"": "1"}
+
+
+class LossTally(NamedTuple):
+    """Tally of a reduction of losses after an accepted step.
+
+    - `begin`, `time`: s, the start of the run, and the end of the step.
+    - `at_begin`, `at_end`: J, energy dissipated from the start of the run up to the start and up to
+      the end of the window; as long as the run has not reached them, up to `time`.
+    """
+
+    begin: Scalar
+    time: Scalar
+    at_begin: Scalar
+    at_end: Scalar
+
+
+class AbstractLossReduction(AbstractWindowedReduction):
+    """Base class of reductions of the energy that joints dissipate in a window of time."""
+
+    needs_ledger = True
+
+    def start(self, now: Instant) -> LossTally:
+        """Return the tally at the start of the run."""
+        lost = _lost(now)
+        return LossTally(now.time, now.time, lost, lost)
+
+    def update(self, tally: LossTally, now: Instant) -> LossTally:
+        """Return the tally after the step that ends at `now`."""
+        lost, window = _lost(now), self._window()
+        # Before an edge of the window, the tally has the losses so far. In the step across the
+        # edge, it gets the losses at the edge, by dense output. Then they stay.
+        at_edges = [
+            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
+            for edge, inside, known in zip(
+                (window.start, window.end),
+                map(now.inside, window.fractions(tally.time, now.time)),
+                (tally.at_begin, tally.at_end),
+                strict=True,
+            )
+        ]
+        return LossTally(tally.begin, now.time, *at_edges)
+
+
+class DissipatedEnergy(AbstractLossReduction):
+    """Energy, J, dissipated in joints by normal damping, friction and films; needs
+    `Settings(ledger=True)`.
+
+    **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The result is
+    NaN if the run ended before the window.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+
+    >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
+    >>> outputs["losses"].needs_ledger
+    True
+    """
+
+    def start(self, now: Instant) -> LossTally | None:
+        """Return the tally at the start of the run; ``None`` without a window.
+
+        Without a window no tally is needed: the energy ledger at the end of the run has the result.
+        """
+        return None if self._window().is_whole else super().start(now)
+
+    def update(self, tally: LossTally | None, now: Instant) -> LossTally | None:
+        """Return the tally after the step that ends at `now`; ``None`` without a window."""
+        return None if tally is None else super().update(tally, now)
+
+    def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
+        """Return the energy, J, dissipated in the window or, without a window, since the start of
+        the run. Energy that bristles have stored is not counted."""
+        if tally is None:
+            return {"": _lost(now)}
+        return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
+
+    def units(self) -> dict[str, str]:
+        """Return "J" for the energy."""
+        return {"": "J"}
+
+
+class MeanPowerLost(AbstractLossReduction):
+    """Mean power, W, lost in joints to normal damping, friction and films; needs
+    `Settings(ledger=True)`.
+
+    **Arguments:** `after`, `until`: s, the window of time of the mean, by default the whole run. If
+    the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
+    if the run ended before the window.
+
+    **Raises:** `ValueError` for a window that does not end after its start.
+
+    >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
+    >>> outputs["heating"].units()
+    {'': 'W'}
+    """
+
+    def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
+        """Return the mean power, W, over the part of the window that the run reached; NaN if the
+        run ended before the window."""
+        window = self._window()
+        duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
+        reached = duration > 0.0
+        lost = tally.at_end - tally.at_begin
+        return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
+
+    def units(self) -> dict[str, str]:
+        """Return "W" for the mean power."""
+        return {"": "W"}
+
+
+def _lost(now: Instant) -> Scalar:
+    """Return the energy dissipated in joints from the start of the run up to an instant, J, without
+    the energy that bristles have stored."""
+    lost: Scalar = 0.0
+    for name in LOSSES:
+        lost = add(lost, now.work.get(name, 0.0))
+    if (stored := now.bristle_energy) is not None:
+        lost = lost - stored
+    return lost
+
+
+WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
+"""Tally of `ArchardWear`: the time at the end of the step, s; the rates of wear then, m^3/s; and
+the worn volumes so far, m^3. Rates and volumes are dictionaries by base ("V", "W") of lists by
+sector."""
+
+
+class ArchardWear(AbstractWindowedReduction):
+    r"""Volumes, m^3, that sliding contacts wear off a bearing's wall, by Archard's law.
+
+    $$\frac{dV}{dt} = \frac{k F_N |v_t|}{H}$$
+
+    with the volume V, m^3, the normal contact force F_N, N, and the sliding speed |v_t|, m/s, is
+    integrated by Simpson's rule in each step. The bases "V" and "W" are the end circles of the
+    journal, where it touches the wall. The results are named "" (both bases together), "V" and "W"
+    (each base), and "V 1", "V 2", ..., "W 1", ... (the sectors of the wall at each base).
+
+    Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
+    at the x axis of the bearing's frame, the frame of `JournalOffset`; the angle grows from x to y.
+    The geometry of the wall does not change: the mean wear depth of a sector is its volume over its
+    area. Only the dry contact causes wear, not a film.
+
+    **Arguments:**
+
+    - `joint`: name of a clearance joint with a journal.
+    - `coefficient`: k, without unit; `hardness`: H, Pa.
+    - `sectors`: number of sectors of each base.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run ended before the window.
+
+    **Raises:** `ValueError` for a number outside of its range, and for a window that does not end
+    after its start.
+
+    **Source:** J. F. Archard 1953.
+
+    >>> wear = cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)
+    >>> list(wear.units())[:4]
+    ['', 'V', 'W', 'V 1']
+    """
+
+    joint: str = eqx.field(static=True)
+    coefficient: float = eqx.field(static=True)
+    hardness: float = eqx.field(static=True)
+    sectors: int = eqx.field(default=12, static=True)
+
+    def __check_init__(self):
+        require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
+        require_positive("hardness", self.hardness, "give H in Pa, such as 2e9")
+        require_count("sectors", self.sectors, "give a number of sectors")
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that the joint has a journal.
+
+        **Raises:** `ValueError` that lists the names of such joints.
+        """
+        joints = scene.contact_joints()
+        journals = [name for name, joint in joints.items() if isinstance(joint, HasJournal)]
+        require_known("joint", self.joint, journals)
+
+    def start(self, now: Instant) -> WearTally:
+        """Return the tally at the start of the run, with volumes of zero."""
+        none: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
+        return now.time, self._rates(now), none
+
+    def update(self, tally: WearTally, now: Instant) -> WearTally:
+        """Return the tally after a step, with the volumes added that wear in the part of the step
+        that is in the window."""
+        before, at_start, volumes = tally
+        latest = at_end = self._rates(now)
+        window, length, middle = self._window(), now.time - before, now.middle
+        if not window.is_whole:
+            a, b = window.fractions(before, now.time)
+            at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
+            length, middle = length * (b - a), now.inside(0.5 * (a + b))
+        # Simpson's rule: rates at both ends and in the middle of the part in the window.
+        at_middle, sixth = self._rates(middle), length / 6.0
+        worn = {
+            base: [
+                volume + sixth * (start + 4.0 * middle + end)
+                for volume, start, middle, end in zip(
+                    volumes[base], at_start[base], at_middle[base], at_end[base], strict=True
+                )
+            ]
+            for base in BASES
+        }
+        return now.time, latest, worn
+
+    def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
+        """Return the worn volumes, m^3, by name of the result; NaN if the run ended before the
+        window."""
+        _, _, volumes = tally
+        of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
+        of_sectors = {
+            self._label(base, k): volume
+            for base, family in volumes.items()
+            for k, volume in enumerate(family)
+        }
+        both = [of_bases[base] for base in BASES]
+        volumes_by_name = {"": sum(both[1:], both[0]), **of_bases, **of_sectors}
+        window = self._window()
+        return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
+
+    def units(self) -> dict[str, str]:
+        """Return "m^3" for each result."""
+        of_sectors = [self._label(base, k) for base in BASES for k in range(self.sectors)]
+        return dict.fromkeys(("", *BASES, *of_sectors), "m^3")
+
+    def _label(self, base: str, sector: int) -> str:
+        return f"{base} {sector + 1}"
+
+    def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
+        """Return the rates of wear at an instant, m^3/s, as a dictionary by base of lists by
+        sector."""
+        return {base: self._rates_at(now, base) for base in BASES}
+
+    def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
+        """Return the rate of wear of each sector of one base at an instant, m^3/s. Only the sector
+        that the contact is in wears."""
+        joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
+        assert isinstance(joint, HasJournal)
+        speed = self._sliding_speed(now, base)
+        rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
+        offset = joint.journal_offset(now.motions, base)
+        turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
+        sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
+        # Rounding may make the fraction of a turn exactly 1.
+        sector = jnp.minimum(sector, self.sectors - 1)
+        return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
+
+    def _sliding_speed(self, now: Instant, base: str) -> Scalar:
+        """Return the speed, m/s, at which the surfaces slide on each other at a base. It does not
+        depend on whether the joint has friction."""
+        contact = now.contacts[self.joint][base].contact
+        pair = now.scene.contact_joints()[self.joint].pair()
+        first, second = (now.motions[name] for name in pair)
+        at_second, at_first = contact.arm_second, contact.arm_first
+        sliding: Vector = second.velocity_at(at_second) - first.velocity_at(at_first)
+        slip = slip_velocity(sliding, contact.normal, sliding.dot(contact.normal))
+        return norm_and_direction(slip)[0]
