@@ -1,5 +1,9 @@
-"""Absolute coordinates: position, orientation, velocity and spin of each body. All ideal joints are
-constraints, as in Flores et al. 2006."""
+"""Absolute coordinates: position, orientation, velocity and spin of each body.
+
+All ideal joints are constraints, as in Flores et al. 2006, whose equation numbers are cited. The
+spin of a body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of
+all bodies; arguments and results of the type `Speeds` are lists with six numbers for each body.
+"""
 
 from typing import TypeAlias
 
@@ -27,10 +31,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """Position, Euler parameters, velocity and spin of each body, with all ideal joints as
     constraints.
 
-    The variables are a `BodyState` by name of body. Its position is the centre of mass, m, global.
-    For a body with a clearance joint to the ground, which has an `Anchor`, the position is instead
-    the vector from the bearing's centre to the journal's. Computed as a difference of two positions
-    of the order of metres, this vector would lose digits that impacts amplify.
+    The variables are a `BodyState` for each body, by name. Its position is the centre of mass, m,
+    in global coordinates. For a body with a clearance joint to the ground, which has an `Anchor`,
+    the position is instead the vector from the bearing's centre to the journal's. Computed as a
+    difference of two positions of the order of metres, this vector would lose digits, and impacts
+    amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
@@ -42,8 +47,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return frozenset()
 
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
-        """Return the bodies' states, where the position of a body with an `Anchor` is the vector,
-        m, from the anchor's ground point to its body point."""
+        """Return the variables for given states of the bodies, by name.
+
+        They are the states themselves, except that the position of a body with an `Anchor` is the
+        vector, m, from the anchor's ground point to its body point.
+        """
         points = anchors(scene)
 
         def encoded(name: str, body: BodyState) -> BodyState:
@@ -58,7 +66,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {name: encoded(name, body) for name, body in bodies.items()}
 
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the bodies' states, all with the position of the centre of mass, m."""
+        """Return the states of the bodies, by name, in which all positions are those of the centres
+        of mass, m."""
         motions = self.motions(scene, variables)
         return {
             name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
@@ -66,7 +75,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         }
 
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
-        """Return pose and twist of each body and of "ground", by name."""
+        """Return pose and velocities of each body and of "ground", by name."""
         points = anchors(scene)
         free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
         return {GROUND: GROUND_MOTION, **free}
@@ -76,7 +85,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the bodies' states with Euler parameters of unit norm."""
+        """Return the variables with Euler parameters of unit norm."""
         del scene
         return {name: normalised_body(body) for name, body in variables.items()}
 
@@ -91,7 +100,8 @@ class AbsoluteMechanics(AbstractMechanics):
     """Newton-Euler equations of all bodies.
 
     The speeds are six numbers for each body, in the order of ``scene.bodies``: velocity of the
-    centre of mass, m/s, global, and spin, rad/s, in body axes. So H is the identity.
+    centre of mass, m/s, in global axes, and spin, rad/s, in body axes. The matrix H that maps
+    speeds to velocities and spins is therefore the identity.
     """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
@@ -99,8 +109,8 @@ class AbsoluteMechanics(AbstractMechanics):
         self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the accelerations, six for each body, under wrenches, gyroscopic moments and
-        gravity."""
+        """Return the rates of the speeds, six for each body, under wrenches, gyroscopic moments and
+        gravity, without constraints."""
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
@@ -110,14 +120,14 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return force and moment on each body, six numbers for each; zeros for a body without a
-        wrench."""
+        """Return the wrenches as six numbers for each body, force and moment; zeros for a body
+        without a wrench."""
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return force over mass, m/s^2, and inverse inertia times moment, rad/s^2, for each
-        body."""
+        """Return the rates of the speeds that generalised forces cause, six for each body: force
+        over mass, m/s^2, and inverse inertia times moment, rad/s^2."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
             acceleration = self._inverses[name](Wrench(load.linear, load.angular))
@@ -125,19 +135,19 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero, since at zero rates of the speeds no body accelerates."""
+        """Return zero: if the rates of all speeds are zero, no body accelerates."""
         del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the given rates, six for each body, as one acceleration for each body, by name."""
+        """Return the acceleration of each body, by name: its six numbers of `rates`."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:
         """Return the time derivatives of each body's variables, by name, as a `BodyState`.
 
-        They are the velocity (of the anchor's point, if the body has an anchor), the rates of the
-        Euler parameters, and the given accelerations.
+        They are the velocity (of the anchor's body point, if the body has an anchor), the rates of
+        the Euler parameters, and the accelerations that `rates` gives.
         """
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
@@ -151,8 +161,11 @@ class AbsoluteMechanics(AbstractMechanics):
         return variable_rates
 
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Return the variables after a small displacement: six numbers for each body, a shift in m,
-        global, and a rotation vector in rad, in body axes."""
+        """Return the variables after a small displacement.
+
+        **Arguments:** `changes`: six numbers for each body, a shift in m, in global axes, and a
+        rotation vector in rad, in body axes.
+        """
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
@@ -165,8 +178,8 @@ class AbsoluteMechanics(AbstractMechanics):
         return bodies
 
     def after_speed_change(self, changes: Speeds) -> Bodies:
-        """Return the variables after changes, six for each body, of velocities (m/s) and spins
-        (rad/s)."""
+        """Return the variables with `changes` added to the velocities, m/s, and spins, rad/s, six
+        numbers for each body."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
@@ -197,8 +210,8 @@ class InverseMass:
             self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
 
     def __call__(self, wrench: Wrench) -> BodyAcceleration:
-        """Return the accelerations of the centre of mass, m/s^2 in global axes, and of the spin,
-        rad/s^2 in body axes."""
+        """Return the acceleration of the centre of mass, m/s^2 in global axes, and the rate of the
+        spin, rad/s^2 in body axes, that a wrench causes."""
         if self._tensor is not None:
             angular = self._tensor @ wrench.moment
         else:
@@ -207,4 +220,6 @@ class InverseMass:
 
 
 def _gyroscopic(body: Body, motion: Motion) -> Wrench:
+    """Return the gyroscopic moment on a body that rotates freely, N m, in body axes, as a wrench
+    without a force."""
     return Wrench(ZERO, body.angular_momentum(motion.spin).cross(motion.spin))

@@ -1,5 +1,9 @@
-"""Computation and checks of initial states that satisfy the constraints in position and
-velocity."""
+"""Compute and check initial states that satisfy the constraints of a scene in position and
+velocity.
+
+Phi is the vector of the values of all constraint equations, which is zero if the constraints are
+satisfied.
+"""
 
 from collections.abc import Callable, Collection
 from functools import partial
@@ -28,14 +32,14 @@ from .system import System
 ITERATIONS = 100
 """Largest number of Newton steps of the positions in `assemble`."""
 TOLERANCE = 1e-12
-"""Largest constraint value |Phi| at which `assemble` stops iterating, m or rad (1 for
-directions)."""
+"""Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
+equations between directions."""
 ACCEPTED_VIOLATION = 1e-6
-"""Largest constraint value |Phi|, m or rad, and largest |rate of Phi|, m/s or rad/s, of a state
-from which a run may start."""
+"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
+which a run may start."""
 REPRESENTED = 1e-3
-"""Largest accepted difference of Euler parameters between a state and the same state converted to
-variables and back; smaller differences are rounding."""
+"""Largest accepted difference of Euler parameters between a state and the same state after
+conversion to variables and back. Rounding errors are far smaller."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -87,19 +91,21 @@ def check_names(scene: Scene, state: State) -> None:
 def assemble(
     scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
 ) -> State:
-    """Return the state nearest to a guess that satisfies the constraints, with each journal in its
+    """Find the state nearest to a guess that satisfies the constraints, with each journal in its
     bearing.
 
     "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing keeps the
     position of the guess. A journal that penetrates the wall by more than a micrometre is put into
-    the centre of the bearing and gets the velocity that an ideal joint would give it.
+    the centre of the bearing, and gets the velocity that an ideal joint would give it.
 
     **Arguments:**
 
-    - `state`: the guess, of positions and velocities.
+    - `scene`: the mechanism; `state`: the guess, of positions and velocities.
     - `t`: s, time at which constraints that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
+
+    **Returns:** the assembled state.
 
     **Raises:** `ValueError`
 
@@ -131,10 +137,14 @@ def assemble(
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return an assembled state with the clearance joints in `ideal` replaced by ideal joints.
+    """Return the state near a guess that satisfies the constraints of a scene in which ideal joints
+    replace some clearance joints.
 
     Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, which is added to the dictionary `ideal`, until no journal is outside.
+    centres it, until no journal is outside.
+
+    **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
+    further ones are added to this dictionary.
     """
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -145,10 +155,10 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the state nearest to `state` that satisfies the constraints at time t, s, by Newton
-    steps.
+    """Return the state nearest to `state` that satisfies the constraints at time t, s, found by
+    Newton steps.
 
-    **Raises:** `ValueError` that names the worst constraint if the iterations do not converge.
+    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge.
     """
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
@@ -160,9 +170,9 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
-    # The iteration stops at TOLERANCE, but rounding may hold it slightly above; so a larger value
-    # is accepted.
-    # The velocity constraints are linear; the second projection removes rounding of the first.
+    # The iteration stops at TOLERANCE. Rounding errors may keep the values slightly above it, so
+    # larger values were accepted here. For velocities the constraints are linear: one projection
+    # solves them, and a second one removes the rounding errors of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
@@ -173,8 +183,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
     """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
 
-    **Arguments:** `names` of the m constraint rows; `values`, (m,), their values Phi; `rates`,
-    (m,), the rates of Phi, per second.
+    **Arguments:** `names`: of the m constraint equations; `values`: (m,), their values Phi;
+    `rates`: (m,), the time derivatives of Phi, per second.
 
     **Raises:** `ValueError` that names the worst constraint.
     """
@@ -183,10 +193,10 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others, since motion and reactions would then
-    be determined by rounding errors.
+    """Check that no constraint nearly depends on the others, because then rounding errors would
+    determine motion and reactions.
 
-    **Arguments:** `uncertain`: names of constraint rows that nearly depend on others, see
+    **Arguments:** `uncertain`: names of constraint equations that nearly depend on others; see
     `ConstraintReport`.
 
     **Raises:** `ValueError` if there are any.
@@ -202,9 +212,9 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 
 
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates can represent an assembled state, and have at least one variable.
+    """Check that coordinates can represent an assembled state, and have at least one variable.
 
-    The constraints of a revolute joint, for example, are satisfied by parallel and by antiparallel
+    A revolute joint is an example: its constraints are satisfied by parallel and by antiparallel
     axes, but an angle as variable represents only parallel axes.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
@@ -238,6 +248,10 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
+    """Check that there is at least one variable.
+
+    **Raises:** `ValueError` if not.
+    """
     require(
         bool(jax.tree.leaves(variables)),
         "coordinates",
@@ -251,8 +265,11 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """Return the variables of a state, and the states of the bodies, by name, computed back from
-    the variables. Scene and state are in packed form."""
+    """Return the variables of a state, and the states of the bodies, by name, converted back from
+    the variables.
+
+    Scene and state, and the returned states, have vectors as arrays (3,).
+    """
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(state.bodies))
     return variables, pack(system.decode(variables))
@@ -261,6 +278,14 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
+    """Check that all `residuals` of constraints, (m,), are at most `tolerance`.
+
+    **Arguments:** `names`: of the m constraint equations; `quality`: "consistent" for a state that
+    the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
+    the message.
+
+    **Raises:** `ValueError` that names the worst constraint.
+    """
     if residuals.size == 0:
         return
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
@@ -286,5 +311,7 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
+    """Return the states of the bodies, by name, after a `projection` onto the constraints at time
+    t, s: a method of `System` that corrects positions or velocities."""
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

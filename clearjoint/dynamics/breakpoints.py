@@ -1,8 +1,11 @@
-"""Breakpoints: declared times at which elements of a scene change abruptly, and where steps end.
+"""Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
-breakpoint, the element is evaluated just before it, and in a step that starts there, just after. So
-it does not matter whether the element compares time with < or <=.
+breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
+just after it. Therefore it does not matter whether the element compares time with < or <=.
+
+Times named t are in s since the `origin` of a `System`, the scene's time at which its clock is
+zero; breakpoints are times of the scene.
 """
 
 import math
@@ -25,20 +28,20 @@ if TYPE_CHECKING:
     from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
-"""Largest difference, in units of rounding, at which a time counts as equal to a breakpoint. An
-element may compute the time in another order of operations, with another rounding error."""
+"""Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
+An element may compute the time in another order of operations, with another rounding error."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Tolerance in units of rounding of `drivers_are_smooth`, for the driver's rates."""
+"""Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding error of a driver's value, m or rad, and of the rate, per second. Differences in a table
-with large values at short intervals have errors of this size."""
+"""Rounding errors of a driver's value, m or rad, and of its rate, per second. Differences in a
+table with large values at short intervals have errors of this size."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
-    """Return the breakpoints, s, of each joint or force that has any, by name of element.
+    """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
 
     Each value is a list of numbers or arrays of any shape.
     """
@@ -48,11 +51,8 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after time t, infinity if all are before t, or ``None`` if no
-    element of the scene has a breakpoint.
-
-    Both times are in s since the system's `origin`.
-    """
+    """Return the first breakpoint after the time t, on the same clock as t; infinity if all are
+    before t, or ``None`` if no element of the scene has a breakpoint."""
     now = system.clock(t)
     soonest = _extreme(
         system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)
@@ -61,11 +61,12 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time at which elements are evaluated for time t in a step that begins at `start`.
+    """Return the time at which elements are evaluated for the time t in a step that begins at
+    `start`.
 
-    The result is t, clipped to the open interval between the last breakpoint not after `start` and
-    the next one. At a breakpoint, the element thus has its value inside of the step. All times are
-    in s since the system's `origin`.
+    The result is t, clipped to the open interval between the last breakpoint that is not after
+    `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
+    the step. All times are on the clock of the system.
     """
     scene, start = system.scene, system.clock(start)
 
@@ -85,13 +86,16 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return, for each element with breakpoints, whether a step lands on a breakpoint, and the time
+    """Return, for each element with breakpoints, whether a step ends at a breakpoint, and the time
     in s from the breakpoint to the end of the step.
 
-    The step goes from `start` to t, both in s since the system's `origin`. The returned time is
-    zero except for rounding. It serves for derivatives: it has derivatives by the parameters on
-    which the breakpoint's time depends. If several breakpoints are in the step, it is the mean of
-    their times.
+    The returned time is zero except for rounding. It serves for derivatives: it has derivatives by
+    the parameters on which the breakpoint depends. If several breakpoints are in the step, it is
+    the mean of their times.
+
+    **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
+
+    **Returns:** a pair (condition, time) by the name of the element.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -101,7 +105,7 @@ def since_breakpoints(
             in_step = _is_after(at, start) & ~_is_after(at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
-        # The mean has the derivative of the time even if a table lists a breakpoint twice.
+        # A table may list the same breakpoint twice. The mean has the derivative of its time.
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
 
@@ -115,13 +119,13 @@ def drivers_are_smooth(
     A driver counts as smooth if the change of its value equals the integral of its rate, and the
     change of its rate the integral of its second rate, within a tolerance. This test is needed
     because the equations of motion use only second rates of a driver, at the solver's stages. A
-    kink or jump between the stages has no effect there, so error estimates do not show it, and the
+    kink or jump between the stages has no effect there: error estimates would not show it, and the
     run would continue with the old speed.
 
     **Arguments:**
 
-    - `variables`: position at which constraints are evaluated, with all bodies at rest.
-    - `start`, `end`: of the step, s since the system's `origin`.
+    - `variables`: the position at which constraints are evaluated, with all bodies at rest.
+    - `start`, `end`: of the step, s, on the clock of the system.
     - `rtol`: tolerance relative to the driver's speed over the step.
     """
 
@@ -160,20 +164,25 @@ def drivers_are_smooth(
 
 
 def _is_after(at: Scalar, t: Scalar) -> jax.Array:
+    """Return whether a breakpoint `at` is after the time t, both in s, by more than rounding."""
     return at > t + _rounding(at)
 
 
 def _rounding(at: Scalar) -> jax.Array:
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(at)
 
 
 def _extreme(
     scene: Scene, choice: "BinaryUfunc", function: Callable[[jax.Array], jax.Array]
 ) -> Scalar | None:
-    """Return the smallest or largest value (by `choice`) of a function of all breakpoints, s, or
-    ``None`` if there are none.
+    """Return the smallest or largest value of a function of all breakpoints, s, or ``None`` if
+    there are none.
 
     The result is not differentiated, since the solution does not depend on where steps end.
+
+    **Arguments:** `choice`: `jnp.minimum` or `jnp.maximum`; `function`: function of an array of
+    breakpoints.
     """
     extreme: jax.Array | None = None
     for times in breakpoints(scene).values():

@@ -1,9 +1,12 @@
-"""Bristle deflections in the course of a run: initial values, rates, and resets after each step.
+"""Bristle deflections in the course of a run: initial values, rates, and corrections after each
+step.
 
-A deflection is zero while the contact is open. If a contact begins in a step, at a time tau before
-the step's end, its bristles have been dragged for tau, and get the deflection slip times tau. Steps
-land on onsets, so tau is zero except for rounding; but the derivative of tau is not zero, and
-derivatives of the motion need it.
+Bristles are a model of friction that can stick: the surfaces of a contact deflect against each
+other like bristles, and the friction depends on this deflection, a vector in m, which is integrated
+with the motion. The deflection is zero while the contact is open. If a contact begins in a step, at
+a time tau before the step's end, its bristles have been dragged for the time tau, and get the
+deflection slip velocity times tau. Steps end at onsets, so tau is zero except for rounding; but the
+derivative of tau is not zero, and derivatives of the motion need it.
 """
 
 import jax
@@ -19,14 +22,14 @@ from .equations_of_motion import Dynamics
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
     """Return a deflection, m, for each contact with a bristle law, by joint and contact label: the
-    one in `given` if there is one, else zero."""
+    one in `given` if there is one, otherwise zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 
 def bristle_rates(dynamics: Dynamics) -> Bristles:
-    """Return the rates of the bristle deflections, m/s, of the contacts with bristle laws, by joint
-    and contact label."""
+    """Return the rates of all bristle deflections, m/s, by joint and contact label, from the solved
+    equations of motion."""
     rates = {
         name: {
             label: force.bristle_rate
@@ -42,7 +45,8 @@ def full_deflections(scene: Scene) -> Bristles:
     """Return the deflection, m, of each bristle contact at full friction, by joint and contact
     label.
 
-    It is the scale by which errors of deflections are measured, and is the same in x, y and z.
+    It is the scale by which errors of deflections are measured, and has the same value in x, y and
+    z.
     """
     return {
         name: {
@@ -63,15 +67,15 @@ def updated_bristles(
 ) -> Bristles:
     """Return the bristle deflections after an accepted step, m, by joint and contact label.
 
-    An open contact gets zero. If steps land on onsets, the displacement since the onset is added
-    for a contact that began in the step.
+    An open contact gets zero. If steps end at onsets, the displacement since the onset is added for
+    a contact that began in the step.
 
     **Arguments:**
 
     - `bristles`: deflections as integrated over the step, m.
-    - `motions`: pose and twist of each body at the end of the step.
+    - `motions`: pose and velocities of each body at the end of the step.
     - `before`, `after`: contact gaps at the start and at the end of the step.
-    - `lands`: whether steps land on onsets.
+    - `lands`: whether steps end at onsets.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}

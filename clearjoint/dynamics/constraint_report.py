@@ -1,4 +1,8 @@
-"""Values, rank and redundancy of a scene's constraints in a given state."""
+"""Values, rank and redundancy of a scene's constraints in a given state.
+
+Each ideal joint contributes some rows: scalar constraint equations Phi = 0 with a Jacobian. A row
+is redundant if it depends linearly on other rows.
+"""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -26,27 +30,27 @@ RANK_TOLERANCE = 1e-8
 counts as dependent on them."""
 UNCERTAIN_BELOW = 1e-5
 """Distance below which a row that is not dependent counts as nearly dependent. The equations for
-the multipliers contain the square of this distance, so rounding errors determine the multipliers:
-at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad after one
-second."""
+the multipliers contain the square of this distance, so that rounding errors determine the
+multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad
+after one second."""
 FEW = 16
-"""Largest number of scenes whose constraints NumPy evaluates one by one; for more scenes, native
-code is compiled."""
+"""Largest number of scenes whose constraints are evaluated one by one with NumPy. For more scenes,
+native code is compiled."""
 
 
 @dataclass(frozen=True)
 class ConstraintReport:
-    """Constraints of a scene in one state; m is the number of constraint rows, v six times that of
+    """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
     bodies.
 
     - `names`: m strings, each "joint: label".
-    - `values`: (m,), Phi, in m or 1.
-    - `rates`: (m,), time derivative of Phi, m/s or 1/s.
+    - `values`: (m,), Phi, in m or without unit.
+    - `rates`: (m,), time derivatives of Phi, m/s or 1/s.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
       (rad/s, body axes) of each body, in the scene's order of bodies.
     - `redundant`: names of the rows that depend linearly on rows before them.
-    - `uncertain`: names of the rows that nearly do. No run can start with these, since rounding
-      would determine its reactions.
+    - `uncertain`: names of the rows that nearly do. No run can start with such rows, since rounding
+      errors would determine its reactions.
     """
 
     names: tuple[str, ...]
@@ -87,8 +91,10 @@ def constraint_report(
 
 
 class StartRows(NamedTuple):
-    """Constraint rows in an initial state, where m, n, s and v are the numbers of all rows, of rows
-    that the coordinates do not eliminate, of the coordinates' speeds, and six times that of bodies.
+    """Constraint rows of a scene in an initial state.
+
+    Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
+    that of the coordinates' speeds, and v six times the number of bodies.
 
     - `values`, (m,), `rates`, (m,), `jacobian`, (m, v), and `all_names`: of all rows, as in
       `ConstraintReport`.
@@ -110,11 +116,11 @@ class StartRows(NamedTuple):
 def start_rows(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> StartRows:
-    """Return the constraint rows in an initial state at time t, s, for scene and state in packed
-    form.
+    """Return the constraint rows in an initial state at time t, s. Scene and state have vectors as
+    arrays (3,).
 
     Rows are stacked in the order of their names, because whether a row depends on the rows before
-    it is a matter of order. A dictionary would lose this order, since JAX sorts its keys.
+    it depends on the order. A dictionary would lose this order, since JAX sorts its keys.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
@@ -144,10 +150,13 @@ def start_rows(
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:
+    """Return rows as one array with an additional first axis, or an array of shape (0,) if there
+    are none."""
     return library(rows).stack(rows) if rows else np.zeros(0)
 
 
 def _by_name(rows: ByLabel[Row]) -> dict[str, Row]:
+    """Return constraint rows by the name "joint: label"."""
     return {f"{joint}: {label}": row for joint, by in rows.items() for label, row in by.items()}
 
 
@@ -158,21 +167,22 @@ _start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return `start_rows` for N scenes and states, in arrays with an additional first axis of
-    length N.
+    """Return the result of `start_rows` for N scenes and states, with an additional first axis of
+    length N in each array.
 
     The names, which are the same for all scenes, have no such axis.
 
     **Arguments:**
 
     - `scene`: one of the scenes.
-    - `varied`: a tree like `scene`, with an array of N values for each number that varies and
+    - `varied`: a PyTree like `scene`, with an array of N values for each number that varies, and
       ``None`` for each number that does not.
-    - `states`: the initial states, with the axis N first in each array.
+    - `states`: the initial states, with the axis of length N first in each array.
     - `t`: s, the same for all.
+    - `coordinates`: the coordinates of the runs.
     """
-    # A column is the array of all lanes' values of a number, or None for a number that is the same
-    # in all lanes and is evaluated only once.
+    # For each number of the arguments, a column is the array of its N values, or None if the number
+    # is the same in all scenes and states.
     scenes = jax.tree.structure(scene).flatten_up_to(varied)
     starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
@@ -208,15 +218,15 @@ def start_rows_of_lanes(
 def dependent(
     names: tuple[str, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of the rows that depend on rows before them, and those of the rows that
-    nearly do.
+    """Return the names of the rows that depend linearly on rows before them, and those of the rows
+    that nearly do.
 
     **Arguments:**
 
     - `names`: of the n rows.
     - `rows`: (n, s), normalised.
-    - `known`: cache that is read and extended: for the bytes of `rows`, the distance, (n,), of each
-      row from the span of the rows before it. Scenes of a sweep often have equal rows.
+    - `known`: a cache that is read and extended: for the bytes of `rows`, the distance, (n,), of
+      each row from the span of the rows before it. Scenes of a sweep often have equal rows.
     """
     key = rows.tobytes()
     if key not in known:
@@ -228,6 +238,7 @@ def dependent(
 
 
 def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
+    """Return those names whose entry in `chosen`, (n,), is true."""
     return tuple(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
 
 

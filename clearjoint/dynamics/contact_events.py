@@ -1,9 +1,10 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
-A contact is closed while its penetration, measured from the onset of its force, is positive. When a
-step lands on an onset, its end is slightly past it; there, the entry speed is computed by one
-Newton step back to zero penetration. So the entry speed and its derivatives are those at the onset.
-`clearjoint.simulation.step.landing` adjusts the step's length.
+A contact is closed while its penetration, measured from the onset of its force, is positive, and
+open otherwise. Its entry speed is its penetration rate at the onset, m/s, on which contact laws
+depend. When a step ends at an onset, it ends slightly after it; there, the entry speed is computed
+by one Newton step back to zero penetration. So the entry speed and its derivatives are those at the
+onset. `clearjoint.simulation.step.landing` adjusts the length of the step.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -21,16 +22,16 @@ from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
-"""m/s: smallest entry speed that is stored, since zero stands for an open contact."""
+"""Smallest entry speed that is stored, m/s, since zero stands for an open contact."""
 TOUCHING = 1e-12
-"""m: largest depth, positive or negative, at which a contact counts as being at the wall at the
-start of a run. The true depth is zero, and its sign is due to rounding."""
+"""Largest depth, m, positive or negative, at which a contact counts as being at the wall at the
+start of a run. Its true depth is zero, and the sign is due to rounding."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class ContactGap:
-    """Penetration of a contact.
+    """Penetration of a contact and its rate.
 
     - `depth`: m, measured from the onset of the contact's force, negative in flight.
     - `rate`: m/s, time derivative of the penetration.
@@ -41,10 +42,12 @@ class ContactGap:
 
 
 ContactGaps: TypeAlias = ByLabel[ContactGap]
+"""A `ContactGap` for each contact, by joint and contact label."""
 
 
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
-    """Return penetration and rate of each contact, by joint and contact label."""
+    """Return penetration and rate of each contact, by joint and contact label, for given motions of
+    the bodies."""
     depths_and_rates: ContactGaps = {}
     for name, joint in scene.contact_joints().items():
         laws = joint.laws()
@@ -56,13 +59,14 @@ def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:
-    """Yield for each contact of a scene its gap at a first and at a second instant."""
+    """Yield the gaps of each contact at two instants, `before` and `after`."""
     for name, family in before.items():
         for label, start in family.items():
             yield start, after[name][label]
 
 
 def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
+    """Yield the gap of each contact."""
     for family in gaps.values():
         yield from family.values()
 
@@ -70,7 +74,8 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
     """Return whether any condition is true, as a boolean of shape ().
 
-    A condition may be an array with one element for each contact of a group.
+    For a group of contacts that are computed together, a condition is an array with one element for
+    each.
     """
     any_true = jnp.asarray(False)
     for condition in conditions:
@@ -87,12 +92,13 @@ def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
     """Return the entry speeds at the start of a run, m/s, by joint and contact label, of the
     contacts whose laws use them.
 
-    - A contact in flight gets zero.
-    - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its rate.
-    - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, by which its force is elastic, since its impact
+    - An open contact gets zero.
+    - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its penetration
+      rate.
+    - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact
       was before the start.
 
-    `start` holds the gaps at the start of the run.
+    **Arguments:** `start`: the contact gaps at the start of the run.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -104,8 +110,8 @@ def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
 
 
 def _entry_speed(rate: Scalar) -> Scalar:
-    """Return the entry speed, m/s, of a contact that begins at a given penetration rate; at least
-    `SLOWEST`."""
+    """Return the entry speed, m/s, of a contact that begins with a given penetration rate; it is at
+    least `SLOWEST`."""
     return jnp.maximum(rate, SLOWEST)
 
 
@@ -115,6 +121,8 @@ def _at_the_wall(gap: ContactGap) -> Condition:
 
 
 def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> EntrySpeeds:
+    """Return the results of a function of joint name and contact label, for all contacts whose laws
+    use the entry speed, by joint and contact label."""
     entry_speeds = {}
     for name, family in scene.laws().items():
         labels = [label for label, law in family.items() if law.uses_entry_speed]
@@ -124,11 +132,11 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact has a positive penetration, by joint and contact label.
+    """Return whether each contact is closed, by joint and contact label.
 
-    If steps land on contact events, a contact stays open or closed for a whole step. A trial step
-    past a wall then meets no force: it is as smooth as flight, and the time of the crossing is
-    found from it at once.
+    If steps end at contact events, a contact stays open or closed for a whole step. A trial step
+    past a wall then meets no force. It is as smooth as flight, and the time at which it crosses the
+    wall follows from it at once.
     """
     return {
         name: {label: gap.depth > 0.0 for label, gap in family.items()}
@@ -137,14 +145,15 @@ def closed(gaps: ContactGaps) -> Closed:
 
 
 def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
-    """Return whether any contact is open at the first of two instants and closed at the second."""
+    """Return whether any contact is open at the first of two instants, `before`, and closed at the
+    second, `after`."""
     return any_of(
         (start.depth <= 0.0) & (end.depth > 0.0) for start, end in gap_pairs(before, after)
     )
 
 
 def changes(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact is closed at exactly one of two instants."""
+    """Return whether any contact is closed at exactly one of two instants, `before` and `after`."""
     return any_of(
         (start.depth > 0.0) != (end.depth > 0.0) for start, end in gap_pairs(before, after)
     )
@@ -156,10 +165,10 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset between two instants to the second, or infinity if
-    no contact begins.
+    """Return the time, s, from the latest onset of a contact between two instants, `before` and
+    `after`, to the second instant; infinity if no contact begins.
 
-    It is depth over rate at the second instant, correct to first order, and not differentiated.
+    It is depth over rate at the second instant, correct to first order, and is not differentiated.
     """
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
@@ -170,13 +179,14 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact has a positive depth of at most `TOUCHING`, and so begins at this
-    instant."""
+    """Return whether any contact begins at the start of a run: it has a positive depth of at most
+    `TOUCHING`."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the geometry of its joint allows (`deepest`)."""
+    """Return whether any contact is deeper than the geometry of its joint allows (its method
+    `deepest`)."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()
@@ -207,12 +217,13 @@ def updated_entry_speeds(
         end = after[name][label]
         began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
         usable = end.rate > SLOWEST
-        # The step ends slightly past the onset. One Newton step goes back by depth over rate; in
-        # this time the rate changes by second rate times time. The correction of the value is
-        # negligible, but it makes the derivative that of the rate at the moving instant of onset.
+        # The step ends slightly after the onset. One Newton step goes back by the time depth over
+        # rate, in which the rate changes by second rate times this time. The correction changes the
+        # value hardly at all. But with it, the derivative is that of the rate at the onset, whose
+        # instant depends on the parameters.
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
-        # In a grazing contact the correction may exceed the rate.
+        # If a contact hardly touches the wall, the correction may exceed the rate.
         entry = jnp.where(entry > 0.0, entry, _entry_speed(end.rate))
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
 

@@ -1,8 +1,9 @@
 """Forces of all contacts at one instant: normal force, its elastic part, and friction.
 
-Slip velocities are computed only for joints with friction. A friction law with bristles needs,
-besides the motion, the bristles' deflections, which are variables of a run. The rates of the
-deflections follow from the same slip velocity as the force, so both are computed here.
+A contact is closed if it has a force. Slip velocities are computed only for joints with friction. A
+friction law with bristles (surfaces that deflect against each other, which models sticking) depends
+on the bristles' deflections, which are integrated with the motion. The rates of the deflections
+follow from the same slip velocity as the force, so both are computed here.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -25,16 +26,17 @@ from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
-"""Entry speed, m/s, by joint and contact label, of each contact whose law uses it; zero in
-flight."""
+"""Entry speed (penetration rate at the onset), m/s, by joint and contact label, of each contact
+whose law uses it; zero while the contact is open."""
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed, by joint and contact label."""
 Bristles: TypeAlias = ByLabel[Vector]
 """Deflection of each contact's bristles, m, by joint and contact label, in the axes of the joint's
-first body; zero in flight. Rates of deflections, m/s, have the same form."""
+first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""m: smallest depth at which a contact exists; its compression is negligible."""
+"""Smallest depth at which a contact exists, m. The force at this depth is that of zero
+compression."""
 
 
 @jax.tree_util.register_dataclass
@@ -44,8 +46,8 @@ class LoadedContact:
 
     - `contact`: geometry.
     - `normal_force`: N, including damping.
-    - `elastic_force`: N, the part of the normal force that a law has without damping.
-    - `friction`: force on the second body, N, global; ``None`` without friction.
+    - `elastic_force`: N, the part of the normal force without damping.
+    - `friction`: force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
     """
@@ -68,7 +70,7 @@ def contact_forces(
 
     **Arguments:**
 
-    - `motions`: pose and twist of each body.
+    - `motions`: pose and velocities of each body.
     - `entry_speeds`: m/s, by joint and contact label. A closed contact whose entry speed is zero is
       treated as elastic, like a contact that exists at the start of a run.
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
@@ -83,7 +85,7 @@ def contact_forces(
             entry_speed = entry_speeds[name][label] if laws[label].uses_entry_speed else None
             is_closed = None if closed is None else closed[name][label]
             if is_closed is not None and entry_speed is not None:
-                # Not the present rate, which would differ between the stages of a step.
+                # The present rate cannot stand in for it: it differs between the stages of a step.
                 entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
             forces[name][label] = contact_force(
                 joint,
@@ -105,10 +107,11 @@ def contact_wrenches(
     friction: Vector | None,
     motions: Motions,
 ) -> Iterator[tuple[str, Wrench]]:
-    """Yield, for each body other than the ground on which a contact acts, its name and the wrench.
+    """Yield name and wrench of each body, other than the ground, on which one contact of a joint
+    acts.
 
-    **Arguments:** `normal_force`: N; `friction`: force on the second body, N, global, or ``None``;
-    `motions`: pose and twist of each body.
+    **Arguments:** `normal_force`: N; `friction`: force on the second body, N, in global axes, or
+    ``None``; `motions`: pose and velocities of each body.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -141,9 +144,9 @@ def contact_force(
 
     If `closed` is given and the slope of the force jumps at the wall, the force of a closed contact
     is continued past the wall as an odd function: outside, it pulls by as much as it pushes at the
-    same depth inside. The reason is that a step ends where the contact does, so stages of the step
-    lie on both sides of the wall. If the force had a kink between them, the error estimate of the
-    derivatives would reject every step.
+    same depth inside. The reason is that a step ends where the contact does, so that stages of the
+    step lie on both sides of the wall. If the force had a kink between them, the error estimate of
+    the derivatives would reject every step.
 
     **Arguments:**
 
@@ -153,7 +156,7 @@ def contact_force(
     - `entry_speed`: m/s, positive; ``None`` if the law does not use it.
     - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
       penetrates.
-    - `motions`: pose and twist of each body.
+    - `motions`: pose and velocities of each body.
     - `bristles`: deflections of the joint's contacts, m, by label.
     """
 
@@ -173,8 +176,8 @@ def contact_force(
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
         return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
-    # Friction laws expect a positive normal force. For the pulling continuation, friction is
-    # computed with its absolute value and reversed, so that it is an odd function as well.
+    # Friction laws expect a positive normal force. Where the continued force pulls, friction is
+    # computed with its magnitude and reversed, so that it is an odd function as well.
     sense = jnp.where(normal < 0.0, -1.0, 1.0)
     friction = joint.friction_force(label, contact, normal * sense)
     return LoadedContact(contact, normal, elastic, None if friction is None else friction * sense)
@@ -183,14 +186,15 @@ def contact_force(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force at a gap, N, continued past the wall for a contact that is closed.
+    """Return a force of a contact at a gap, N, which for a closed contact is continued past the
+    wall.
 
     **Arguments:**
 
     - `force`: function that returns the law's normal force or its elastic part, N, at a gap.
-    - `closed`: ``None`` to return `force` as it is. Otherwise an open contact has no force, and the
-      force of a closed contact outside the wall is the point reflection, about the wall, of the
-      force inside.
+    - `closed`: whether the contact is closed. An open contact has no force. The force of a closed
+      contact outside the wall is the point reflection, about the wall, of the force inside. With
+      ``None`` the result is `force` at the gap.
     """
     if closed is None:
         return force(gap)
@@ -209,16 +213,16 @@ def _continued(
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return friction on the second body, N, and the rate of the bristles' deflection, m/s, both
-    global.
+    """Return the friction on the second body, N, and the rate of the bristles' deflection, m/s,
+    both in global axes.
 
-    `deflection` is in m, global, and `normal_force` in N.
+    **Arguments:** `deflection`: m, in global axes; `normal_force`: N.
     """
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     ratio = law.ratio(deflection, rate, contact.slip)
-    # The normal turns as the contact moves along the wall, so an old deflection has a component
-    # along it. Friction acts in the tangent plane.
+    # The normal turns as the contact moves along the wall, so a deflection from before has a
+    # component along it. Friction acts in the tangent plane only.
     across = ratio - contact.normal * ratio.dot(contact.normal)
     return across * -normal_force, rate
 

@@ -1,11 +1,12 @@
-"""Interface of coordinates, which convert integrated variables to motions of bodies and back.
+"""Interface of coordinates, the variables that describe the motion of a scene and are integrated.
 
-Forces, contact laws and joints are written for bodies only, not for coordinates. A class of
-coordinates converts its variables to one `Motion` for each body. Let V be the velocities (m/s,
-global) and spins (rad/s, body axes) of all bodies, and u the speeds of the coordinates, with V = H
-u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u - gyroscopic terms), where
-M holds masses and inertias and F forces and moments; a constraint with Jacobian J by V has the
-Jacobian J H by u.
+Forces, contact laws and joints are written for the motions of bodies, not for coordinates. A class
+of coordinates converts its variables to one `Motion` (pose and velocities) for each body. Let V be
+the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u the speeds of the
+coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
+- gyroscopic terms), where M is the matrix of masses and inertias, F are forces and moments, and '
+is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by u. Force and
+moment on a body together are a wrench.
 """
 
 import abc
@@ -23,12 +24,12 @@ from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 
 MotionVariables: TypeAlias = PyTree
-"""Positions and speeds in some coordinates: a PyTree of scalars whose structure depends on the
+"""Positions and speeds in some coordinates: a PyTree of scalars, whose structure depends on the
 coordinates. The time derivative of the variables has the same structure."""
 Wrenches: TypeAlias = dict[str, Wrench]
 """Wrench on each body, by the body's name."""
 Speeds: TypeAlias = list[Scalar]
-"""List with one scalar for each speed u of the coordinates, in their order. The scalars are rates
+"""A list with one scalar for each speed u of the coordinates, in their order. The scalars are rates
 of the speeds, generalised forces, or changes of speeds or positions, as each function says."""
 
 
@@ -48,9 +49,9 @@ class BodyAcceleration:
 class AbstractMechanics(abc.ABC):
     """Equations of motion of a scene at one instant, in the speeds u of some coordinates.
 
-    H maps the speeds to the velocities and spins of the bodies, and M is the matrix of their masses
-    and inertias (see the module). `motions` holds pose and twist of each body and of "ground", by
-    name. Each method computes only what it returns.
+    The matrix H maps the speeds to the velocities and spins of the bodies, and M is the matrix of
+    their masses and inertias (see the module). `motions` contains pose and velocities of each body
+    and of "ground", by name. Each method computes only what it returns.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -64,29 +65,30 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds that the given wrenches and gravity cause without
-        constraints."""
+        """Return the rates of the speeds under given wrenches, by name of body, and gravity,
+        without constraints."""
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return H^T times the wrenches: one generalised force for each speed.
+        """Return H^T times the wrenches on the bodies: one generalised force for each speed.
 
-        `wrenches` may also be the `jacobian` of a `Row`; the result is then the row's Jacobian by
-        the speeds. An entry for the ground is ignored, and a body without an entry has no wrench.
+        **Arguments:** `wrenches`: by name of body; an entry for the ground is ignored, and a body
+        without an entry has no wrench. They may also be the `jacobian` of a constraint's `Row`; the
+        result is then the row's Jacobian by the speeds.
         """
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates of the speeds (H^T M H)^-1 times `forces`, one generalised force for
-        each speed."""
+        """Return (H^T M H)^-1 times `forces`: the rates of the speeds that generalised forces, one
+        for each speed, cause."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the part of a constraint row's second derivative that remains if the rates of all
-        speeds are zero, without the row's own `bias`.
+        """Return the second time derivative of a constraint row's value at zero rates of all
+        speeds, without the row's own `bias`.
 
-        It is the row's Jacobian times the accelerations H' u of the bodies. If the rates are
-        relative to free fall, these accelerations include gravity.
+        It is the row's Jacobian times the accelerations H' u of the bodies. If the rates of the
+        speeds are relative to free fall, these accelerations include gravity.
         """
 
     @abc.abstractmethod
@@ -99,22 +101,22 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after a small displacement along each speed, in m or rad.
+        """Return the variables after a small displacement along each speed, m or rad.
 
-        The displacement is a velocity times a short time; the speeds stay the same.
+        A displacement is a velocity times a short time. The speeds stay the same.
         """
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after adding a change, m/s or rad/s, to each speed; positions stay
+        """Return the variables with a change, m/s or rad/s, added to each speed. The positions stay
         the same."""
 
 
 class AbstractCoordinates(eqx.Module):
-    """Choice of the variables that describe the motion of a scene and are integrated.
+    """Base class of coordinates, the choice of the variables that describe the motion of a scene.
 
-    In all methods, scene and bodies are in scalar form (see `clearjoint.extend.unpack`), and
-    dictionaries are by name of body.
+    In all methods, scene and bodies are in scalar form (each vector is three separate scalars, see
+    `clearjoint.extend.unpack`), and dictionaries are by name of body.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # the elbow's angle is a variable
@@ -123,15 +125,15 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that need no constraint, since these coordinates can
-        only represent motions that satisfy them.
+        """Return the names of the ideal joints that need no constraint, because these coordinates
+        can represent only motions that satisfy them.
 
         All other ideal joints remain constraints.
         """
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables that represent the states of all bodies."""
+        """Return the variables that represent given states of all bodies."""
 
     @abc.abstractmethod
     def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
@@ -139,7 +141,7 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
-        """Return pose and twist of each body and of "ground", by name."""
+        """Return pose and velocities of each body and of "ground", by name."""
 
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
@@ -149,8 +151,9 @@ class AbstractCoordinates(eqx.Module):
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
         """Return normalised variables of the same motion.
 
-        Euler parameters get unit norm, and angles are moved to within two turns. Called at the end
-        of each step; normalised variables are returned unchanged to the bit.
+        Euler parameters get unit norm, and angles are moved to within two turns. The method is
+        called at the end of each step; variables that are normalised already are returned unchanged
+        to the bit.
         """
 
     @abc.abstractmethod
@@ -161,10 +164,11 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the points of the `Anchor` of each body that has one, by name of body.
+    """Return the two points of the `Anchor` of each body that has one, by name of body.
 
     Each value is a pair: the point on the body, m in body axes, and the fixed point of the ground
-    near it, m in global axes. A body with several anchored joints gets the points of the first.
+    near it, m in global coordinates. A body with several anchored joints gets the points of the
+    first.
     """
     points = {}
     for joint in scene.contact_joints().values():

@@ -1,7 +1,8 @@
 """Energies of a scene, and powers of its energy ledger.
 
-Terms that a scene cannot have, such as friction without friction laws, are not computed, and are
-absent from the returned dictionaries and from the compiled program.
+The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
+have, such as friction without friction laws, are not computed, and are absent from the returned
+dictionaries and from the compiled program.
 """
 
 from ..math.groups import sum_
@@ -17,9 +18,11 @@ from .multipliers import row_rate
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
     """Return the powers of the energy ledger, W, by name, as far as the scene has them.
 
-    Keys are "normal damping", "friction" and "film", positive where energy is dissipated,
-    "supplied", positive where drives and loads do work on the bodies, and "stabilisation", positive
-    where constraint stabilisation takes energy from the motion. `t` is the scene's time, s.
+    "normal damping", "friction" and "film" are positive where energy is dissipated; "supplied" is
+    positive where drives and loads do work on the bodies; "stabilisation" is positive where the
+    stabilisation of constraints takes energy from the motion.
+
+    **Arguments:** `dynamics`: the solved equations of motion; `t`: the scene's time, s.
     """
     powers: dict[str, Scalar] = {}
 
@@ -59,8 +62,8 @@ def bristle_energy(
     motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
     also changes with the normal force, without any work of the bodies.
 
-    **Arguments:** `forces`: forces of all contacts; `bristles`: deflections, m; both by joint and
-    contact label.
+    **Arguments:** both by joint and contact label, `forces`: forces of all contacts; `bristles`:
+    deflections, m.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
@@ -74,11 +77,11 @@ def bristle_energy(
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-    """Return the energies of the scene, J, by name: "kinetic", and as far as the scene has them
+    """Return the energies of a scene, J, by name: "kinetic", and as far as the scene has them
     "gravity", "springs" and "contacts".
 
-    "gravity" is zero for centres of mass at the global origin, "springs" includes all force
-    elements, and "contacts" is elastic. `t` is the scene's time, s.
+    "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
+    elements, and "contacts" is the elastic energy of contacts. `t` is the scene's time, s.
     """
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():

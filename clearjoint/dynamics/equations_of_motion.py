@@ -1,7 +1,8 @@
-"""Equations of motion (eqs 27-32) of a scene, in scalar form.
+"""Equations of motion of a scene in scalar form (eqs 27-32 of Flores et al. 2006).
 
-Python leaves out, while JAX traces, everything that a scene lacks: without constraints the compiled
-program has no multipliers, without friction no slip, without a ledger no powers.
+All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
+multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
+equation with its Jacobian. The speeds are those of the chosen coordinates.
 """
 
 from collections.abc import Iterable
@@ -30,7 +31,7 @@ from .multipliers import response, row_rate
 class Dynamics:
     """Solution of the equations of motion at one instant.
 
-    - `mechanics`: kinematics and mass matrix in the coordinates.
+    - `mechanics`: kinematics and mass matrix in the chosen coordinates.
     - `contact_forces`: forces of each contact, by joint and contact label.
     - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
       eliminate.
@@ -47,7 +48,7 @@ class Dynamics:
 
     @property
     def motions(self) -> Motions:
-        """Pose and twist of each body and of "ground", by name."""
+        """Pose and velocities of each body and of "ground", by name."""
         return self.mechanics.motions
 
     @cached_property
@@ -57,17 +58,20 @@ class Dynamics:
 
     @cached_property
     def variable_rates(self) -> MotionVariables:
-        """Time derivative of the coordinates' variables."""
+        """Time derivatives of the coordinates' variables."""
         return self.mechanics.variable_rates(self.rates)
 
 
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Return the wrench of forces, films and contacts on each body, by name.
+    """Return the wrench (force and moment) on each body that force elements, films and contacts
+    cause, by name.
 
-    Gravity is not included: the coordinates add it as an acceleration. `forces` holds the forces of
-    all contacts, by joint and contact label, and `t` is the scene's time, s.
+    Gravity is not included, because the coordinates add it as an acceleration.
+
+    **Arguments:** `forces`: forces of all contacts, by joint and contact label; `t`: the scene's
+    time, s.
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
@@ -89,11 +93,8 @@ def applied_wrenches(
 def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
-    """Return the constraint rows by joint and label, without the joints that the coordinates
-    eliminate.
-
-    `t` is the scene's time, s.
-    """
+    """Return the constraint rows at the scene's time t, s, by joint and label, without the joints
+    that the coordinates eliminate."""
     eliminated = coordinates.eliminated(scene)
     rows = {
         name: joint.rows(motions, t)
@@ -104,7 +105,7 @@ def constraint_rows(
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """Return all rows in one list, in the order of the dictionaries: the order of the
+    """Return all rows in one list, in the order of the dictionaries, which is also that of the
     multipliers."""
     return [row for family in rows.values() for row in family.values()]
 
@@ -120,9 +121,11 @@ def solved(
 
     **Arguments:**
 
-    - `forces`: contact forces, which are already in `rates` and are only passed on to the result.
+    - `forces`: contact forces, which are already contained in `rates` and are only passed on to the
+      result.
     - `rows`: constraint rows, by joint and label.
-    - `rates`: rates of the speeds without constraints, to which the constraints' effect is added.
+    - `rates`: rates of the speeds without constraints, to which the effect of the constraints is
+      added.
     """
     if not rows:
         return Dynamics(mechanics, forces, rows, rates, {})

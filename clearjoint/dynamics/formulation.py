@@ -1,5 +1,9 @@
 """Choices for the equations of motion that are not part of the scene: coordinates, stabilisation,
-solver."""
+solver.
+
+Stabilisation is a method against the drift of constraints by integration errors: Baumgarte's
+feedback (eq. 32 of Flores et al. 2006), projection at the end of each step, or none.
+"""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -51,15 +55,16 @@ class AbstractStabilisation(AbstractConverting):
         """Return corrected variables at the end of a step; by default they are unchanged.
 
         **Arguments:** `variables`: positions and speeds in the run's coordinates; `project`:
-        function that projects positions and speeds of given variables onto the constraints.
+        function that returns given variables with positions and speeds projected onto the
+        constraints.
         """
         del project
         return variables
 
 
 class Unstabilised(AbstractStabilisation):
-    """No stabilisation: only second derivatives of the constraints are satisfied, which drift as
-    integration errors accumulate.
+    """No stabilisation: only the second time derivatives of the constraints are satisfied, so that
+    their values drift as integration errors accumulate.
 
     >>> drifting = cj.Unstabilised()
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
@@ -68,10 +73,11 @@ class Unstabilised(AbstractStabilisation):
 
 
 class Baumgarte(AbstractStabilisation):
-    """Feedback that imposes -2 alpha rate - beta^2 value on the second derivative of each
+    """Feedback that imposes -2 alpha rate - beta^2 value on the second time derivative of each
     constraint (eq. 32; J. Baumgarte 1972).
 
-    `alpha` and `beta` are in 1/s; 5 is usual. In the paper, the dot on the first term is missing.
+    `value` and `rate` are those of the constraint. `alpha` and `beta` are in 1/s; 5 is usual. In
+    the paper, the dot on the first term is missing.
 
     >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
     >>> print(f"{feedback:.3f}")  # -beta^2 value

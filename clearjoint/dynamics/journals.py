@@ -1,4 +1,9 @@
-"""Checks and corrections of the positions of journals at the start and end of a run."""
+"""Checks and corrections of the positions of journals in their bearings, at the start and end of a
+run.
+
+Ideal joints that replace clearance joints hold journals in a position while an initial state is
+assembled.
+"""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -24,7 +29,8 @@ from .formulation import Formulation, Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""m: penetration of the bearing's wall above which `assemble` moves a journal to the centre."""
+"""Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
+bearing."""
 FAR_OUTSIDE = 1e-2
 """Penetration at the start of a run, relative to the largest one that the joint allows, above which
 a warning is issued."""
@@ -47,7 +53,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints, by name, that hold the journals of the named clearance joints centred.
+    """Return ideal joints that hold the journals of the named clearance joints centred, by name of
+    clearance joint.
 
     Clearance joints without a centred position are left out.
     """
@@ -63,7 +70,8 @@ def resting_joints(
     state: State,
     t: Scalar,
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the named journals at the wall.
+    """Return ideal joints that hold the journals of the named clearance joints at the wall, by
+    name.
 
     A journal is held on the side to which its load presses it while the bodies are at rest.
 
@@ -91,7 +99,7 @@ def resting_joints(
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with the joints of the given names replaced by ideal joints."""
+    """Return the scene with joints replaced by the joints of the same names in `ideal`."""
     with quiet():
         return replace(scene, joints={**scene.joints, **ideal})
 
@@ -99,8 +107,9 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(scene: Scene, state: State) -> None:
     """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
 
-    **Raises:** `ValueError` if a contact is deeper than its joint allows (`deepest`). A smaller
-    penetration above `FAR_OUTSIDE` times this limit gives a warning.
+    **Raises:** `ValueError` if a contact is deeper than its joint allows (its method `deepest`).
+
+    **Warns:** of a smaller penetration above `FAR_OUTSIDE` times this limit.
     """
     for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
@@ -137,7 +146,7 @@ def warn_of_journals_outside(
     **Arguments:**
 
     - `time`, `final`: end of the run, s, and the state then.
-    - `kept`: pairs of saved times, (N,), s, and the states then, with the axis of times first in
+    - `kept`: pairs of saved times, (N,), s, and the states then, with a first axis of length N in
       each array.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
@@ -166,8 +175,8 @@ def slid_out(
 
     It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
 
-    **Arguments:** `joints`: by name, in scalar form, of NumPy numbers or arrays (N,); `bodies`: N
-    states of each body, by name, with the axis N first.
+    **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
+    `bodies`: N states of each body, by name, with a first axis of length N in each array.
     """
     motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
@@ -177,8 +186,10 @@ def slid_out(
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
     """Return whether any journal has slid out of its bearing.
 
-    **Arguments:** the scene, and the states of its bodies by name, both in scalar form, which
-    `unpack` makes of arrays. Joints whose journal cannot slide axially don't count.
+    Joints whose journal cannot slide axially are left out.
+
+    **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
+    is three separate scalars.
     """
     motions = {GROUND: GROUND_MOTION}
     for name, body in bodies.items():
@@ -192,7 +203,9 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
 def _motions(body: BodyState) -> Motion:
     """Return the motion of a body at N times, with NumPy arrays (N,) as components.
 
-    The state has arrays (N, 3) and (N, 4). NumPy is used so that nothing is compiled.
+    NumPy is used so that nothing is compiled.
+
+    **Arguments:** `body`: N states, as arrays (N, 3) and (N, 4).
     """
     parts = (body.position, body.orientation, body.velocity, body.spin)
     columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
@@ -201,6 +214,7 @@ def _motions(body: BodyState) -> Motion:
 
 
 def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
+    """Return a dictionary of scalars with Python floats as values."""
     return {name: float(number) for name, number in by_name.items()}
 
 
@@ -208,7 +222,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     """Return the penetration of each contact, m, by joint and contact label.
 
-    Scene and states of the bodies, by name, are in packed form.
+    In scene and states of the bodies, vectors are arrays (3,).
     """
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
@@ -221,10 +235,10 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
-    rest.
+    rest at time t, s.
 
     A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
-    the first body. Scene and states of the bodies are in packed form, and `t` is in s.
+    the first body. In scene and states of the bodies, vectors are arrays (3,).
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant.

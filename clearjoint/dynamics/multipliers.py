@@ -1,6 +1,8 @@
-"""Lagrange multipliers of constraint rows (eqs 30 and 32).
+"""Lagrange multipliers of constraint rows (eqs 30 and 32 of Flores et al. 2006).
 
-Small systems are solved by unrolled scalar arithmetic, large ones in arrays.
+A row is one scalar constraint equation; its Jacobian by the speeds of the coordinates is a list
+with one number for each speed. Small systems of equations are solved by unrolled scalar arithmetic,
+large ones in arrays.
 """
 
 from collections.abc import Sequence
@@ -21,20 +23,19 @@ def response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return the smallest change of the speeds' rates for which each row's second derivative
-    changes by its target, and the multipliers.
+    """Return the smallest change of the speeds' rates that changes the second time derivative of
+    each constraint row by its target, and the multipliers of the rows.
 
     With the mass matrix M of the coordinates and the rows D, the change is M^-1 D^T lambda, where D
     M^-1 D^T lambda = targets. It is the smallest change in the metric of M. Projections use the
-    same function with changes of speeds or positions in place of rates. A row of structural zeros,
-    such as that of a planar loop normal to its plane, is always satisfied, and its multiplier is
-    zero.
+    same function with changes of speeds or positions in place of rates. A row of exact zeros, such
+    as that of a planar loop normal to its plane, is always satisfied, and its multiplier is zero.
 
     **Arguments:**
 
-    - `directions`: the rows of D, one list for each constraint row, with one entry for each speed:
-      its Jacobian by the speeds.
+    - `directions`: the rows of D, one list for each constraint row, with one number for each speed.
     - `targets`: one number for each constraint row.
+    - `solver`: solver of the linear equations.
 
     **Returns:** the change, one number for each speed, and one multiplier for each constraint row.
     """
@@ -59,7 +60,7 @@ def _unrolled_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return `response` in scalar arithmetic; `weighted` holds the rows of D M^-1."""
+    """Compute the result of `response` in scalar arithmetic. `weighted` are the rows of D M^-1."""
     # The lower triangle of D M^-1 D^T, which is symmetric.
     schur = [
         [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
@@ -77,8 +78,8 @@ def _dense_response(
     targets: Sequence[Scalar],
     solver: AbstractSolver,
 ) -> tuple[Speeds, list[Scalar]]:
-    """Return `response` in arrays, for more than `LARGEST_UNROLLED` rows; `weighted` holds the rows
-    of D M^-1."""
+    """Compute the result of `response` in arrays, for more than `LARGEST_UNROLLED` rows. `weighted`
+    are the rows of D M^-1."""
     jacobian, inverse = (
         jnp.stack([as_array(row) for row in rows]) for rows in (directions, weighted)
     )
@@ -88,8 +89,8 @@ def _dense_response(
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack n scalars as an array (n,) of floats: a JAX array if any of them is, else a NumPy
-    array."""
+    """Stack n scalars to an array (n,) of floats: a JAX array if any of them is one, otherwise a
+    NumPy array."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 

@@ -1,7 +1,7 @@
 """Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
 
-Each compiled program makes one `System` at its entry, from which steps, outputs and reports compute
-motions, forces and rates.
+Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
+compute motions, forces and rates.
 """
 
 import functools
@@ -42,21 +42,22 @@ from .multipliers import response, row_rate
 
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. With the default
-stabilisation and tolerances, constraints drift by about a thousandth of this value."""
+stabilisation and tolerances, the violations are about a thousandth of this value."""
 
 
 class System(eqx.Module):
     """A scene with the formulation of its equations of motion, evaluated at single instants.
 
-    - `scene`: in scalar form (see `clearjoint.extend.unpack`).
+    - `scene`: in scalar form: each vector is three separate scalars (see
+      `clearjoint.extend.unpack`).
     - `formulation`: coordinates, stabilisation and solver.
     - `origin`: the scene's time, s, at which the methods' time t is zero; ``None`` if t is the
       scene's time. A run that starts at a large time has an origin, so that t is near zero, where
       floating-point numbers are dense enough for the shortest steps.
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
-    `origin`, `entry_speeds` holds m/s by joint and contact label, and joints and bodies are
-    identified by name.
+    `origin`, `entry_speeds` are in m/s by joint and contact label, and joints and bodies are
+    identified by name. A row is one scalar constraint equation.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -71,8 +72,8 @@ class System(eqx.Module):
 
     @staticmethod
     def of(scene: Scene, formulation: Formulation) -> "System":
-        """Return the system of a scene in scalar form, in which alike elements are computed as
-        groups.
+        """Return the system of a scene in scalar form, in which alike elements are computed
+        together as groups.
 
         The names of bodies and joints in states and entry speeds are then those of groups where
         elements have been grouped; see `clearjoint.math.groups`.
@@ -80,16 +81,16 @@ class System(eqx.Module):
         return System(*grouped(scene, formulation))
 
     def with_scene(self, scene: Scene) -> "System":
-        """Return this system with another scene, whose structure (names, types, groups) is the
-        same."""
+        """Return this system with another scene of the same structure: the same names, types and
+        groups."""
         return System(scene, self.formulation, self.origin)
 
     def clock(self, t: Scalar) -> Scalar:
-        """Return the scene's time, s, for a time t, s since `origin`."""
+        """Return the scene's time, s, for a time t since `origin`, s."""
         return t if self.origin is None else self.origin + t
 
     def own_time(self, time: Scalar) -> Scalar:
-        """Return the time in s since `origin` for a time of the scene, s."""
+        """Return the time since `origin`, s, for a time of the scene, s."""
         return time if self.origin is None else time - self.origin
 
     def ungrouped(self) -> Scene:
@@ -114,16 +115,16 @@ class System(eqx.Module):
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
     def motions(self, variables: MotionVariables) -> Motions:
-        """Return pose and twist of each body and of "ground", by name."""
+        """Return pose and velocities of each body and of "ground", by name."""
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return mass matrix and kinematics of the scene at the given variables, without any
+        """Return mass matrix and kinematics of the scene for given variables, without any
         forces."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """Return the rows of the constraints that the coordinates do not eliminate, by joint and
+        """Return the rows of those constraints that the coordinates do not eliminate, by joint and
         label."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
@@ -135,8 +136,7 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> Dynamics:
-        """Return the solution of the equations of motion, with the contact forces that follow from
-        the variables.
+        """Solve the equations of motion, with the contact forces that follow from the variables.
 
         **Arguments:**
 
@@ -151,11 +151,8 @@ class System(eqx.Module):
     def dynamics_under(
         self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """Return the solution of the equations of motion with given contact forces, by joint and
-        contact label.
-
-        Pass ``{}`` for a motion without contact forces.
-        """
+        """Solve the equations of motion with given contact forces, by joint and contact label;
+        ``{}`` for a motion without contact forces."""
         return self._solved(self.mechanics(variables), forces, t)
 
     def _solved(
@@ -187,12 +184,12 @@ class System(eqx.Module):
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Return the powers of the energy ledger, W, by name; empty if the formulation has no
-        ledger."""
+        """Return the powers of the energy ledger, W, by name, for solved equations of motion; an
+        empty dictionary if the formulation has no ledger."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
-        """Return the energies of the scene, J, by name: "kinetic", and as far as they exist
+        """Return the energies of the scene, J, by name: "kinetic", and as far as the scene has them
         "gravity", "springs" and "contacts"."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
@@ -224,15 +221,16 @@ class System(eqx.Module):
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Return geometry and forces of each contact, by joint and contact label.
+        """Return geometry and forces of each contact, by joint and contact label. Contacts that
+        penetrate have a force.
 
-        Contacts that penetrate have a force. `bristles` are deflections, m, by joint and contact
-        label.
+        **Arguments:** `bristles`: deflections, m, by joint and contact label.
         """
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables corrected in position, then in velocity, towards the constraints."""
+        """Return the variables corrected towards the constraints, first in position, then in
+        velocity."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
@@ -263,7 +261,10 @@ class System(eqx.Module):
         self, mechanics: AbstractMechanics, rows: Sequence[Row], targets: Sequence[Scalar]
     ) -> Speeds | None:
         """Return the smallest change of positions or speeds, in the metric of the mass matrix, that
-        changes the value or the rate of each row by its target; ``None`` without rows."""
+        changes the value or the rate of each row by its target; ``None`` without rows.
+
+        The result has one number for each speed of the coordinates.
+        """
         if not rows:
             return None
         directions = [mechanics.projected(row.jacobian) for row in rows]
@@ -274,7 +275,7 @@ class System(eqx.Module):
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Row]:
-        """Return the rows of constraints that depend on time, with all bodies at rest and without
+        """Return the rows of constraints that depend on time, for bodies at rest, without their
         Jacobians.
 
         `time_rate` and `bias` of such a row are the first and second time derivative of its value.
@@ -289,8 +290,7 @@ class System(eqx.Module):
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
-        smallest clearance of a journal if that is less. Return ``None`` if there are no
-        constraints."""
+        smallest clearance of a journal if that is less; ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -5,11 +5,11 @@ loop of a chain of 16 rods exceeds the processor's caches and takes minutes to c
 of a group share code, and are computed as arrays by the processor's vector units.
 
 Bodies form a group if they move freely (no ideal joint and no `Anchor`) and their numbers have the
-same pattern of structural zeros and ones. Clearance joints form a group under two conditions: they
-differ only in numbers and in names of bodies, and the first bodies of all of them are the same body
+same pattern of exact zeros and ones. Clearance joints form a group under two conditions: they
+differ only in numbers and in names of bodies; and the first bodies of all of them are the same body
 or are in the same group, as are the second bodies. A run keeps the state of a group as arrays,
 which are made at its start and split by names at its end. Groups are found while JAX traces, from
-names and structure alone.
+names and structure alone. A scene in which groups replace the single elements is called condensed.
 """
 
 import copy
@@ -34,13 +34,15 @@ SMALLEST = 4
 T = TypeVar("T")
 
 ROLES = ("the first body", "the second body")
-"""Names that replace those of a joint's first and second body when joints are compared."""
+"""Names that replace those of a joint's first and second body when joints are compared with each
+other."""
 
 
 def condensed(scene: Scene) -> Scene:
-    """Return a scene in scalar form with its alike elements replaced by groups.
+    """Return a scene in which groups replace alike elements.
 
-    Keys of the groups in ``bodies`` and ``joints`` are `GroupName`s.
+    The names of the groups, which are the keys in ``bodies`` and ``joints``, are `GroupName`s. In
+    the scene, each vector is three separate scalars.
     """
     order, constrained, contacts = _order(scene), _constrained_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in constrained}
@@ -65,7 +67,7 @@ def condensed(scene: Scene) -> Scene:
 
 
 def whole(scene: Scene) -> Scene:
-    """Return the scene from which `condensed` made the given one, with single elements."""
+    """Return the scene with single elements from which `condensed` made the given scene."""
     joints = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, GroupedContactJoint):
@@ -77,12 +79,13 @@ def whole(scene: Scene) -> Scene:
 
 
 def groups(scene: Scene) -> list[GroupName]:
-    """Return the names of the groups of bodies, then of joints, in a condensed scene."""
+    """Return the names of the groups in a condensed scene, those of bodies first, then those of
+    joints."""
     return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, GroupName)]
 
 
 def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict[str, T]:
-    """Return bodies or joints by name, with the members of groups replaced by the groups."""
+    """Return bodies or joints by name, in which `groups` replace their members."""
     grouped = {member for group in groups for member in group.members}
     return {name: one for name, one in family.items() if name not in grouped} | dict(groups)
 
@@ -90,7 +93,7 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
     """Return one joint for a group of n joints, whose numbers are arrays (n,).
 
-    The names of its two bodies are those of groups of bodies, or that of the ground.
+    Each of its two bodies is a group of bodies, or the ground.
     """
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(
@@ -107,7 +110,7 @@ def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
     **Arguments:** `keys`: the key of each name.
 
-    **Returns:** the names of each group.
+    **Returns:** the names in each group.
     """
     families: dict[Hashable, list[str]] = {}
     for name, key in keys.items():
@@ -117,10 +120,10 @@ def _groups_of(keys: Mapping[str, Hashable | None]) -> list[list[str]]:
 
 
 def _structure(tree: PyTree) -> Hashable | None:
-    """Return a hashable key that is equal for PyTrees whose scalars can be stacked to arrays.
+    """Return a hashable key that is equal for PyTrees whose scalars can be stacked to arrays, or
+    ``None`` if a leaf is no scalar.
 
-    Such trees have the same structure and the same structural numbers. Return ``None`` if a leaf is
-    no scalar.
+    Such PyTrees have the same structure, and the same exact zeros and ones.
     """
     leaves, structure = jax.tree.flatten(tree)
     parts = []
@@ -135,33 +138,37 @@ def _structure(tree: PyTree) -> Hashable | None:
 
 
 def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupName]) -> Hashable:
-    """Return a hashable key that is equal for joints that can form a group.
+    """Return a hashable key that is equal for joints that can form a group, or ``None`` if the
+    joint cannot be grouped.
 
-    Return ``None`` if the joint cannot be grouped. `group_of` gives the group of each grouped body.
+    **Arguments:** `group_of`: the group of each grouped body, by the body's name.
     """
     pair = joint.pair()
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None
     anonymous = _renamed(joint, ROLES)
     structure = _structure(anonymous)
-    # If renaming does not change the pair, the joint does not take the names from its fields.
+    # Renaming works only if the joint takes the names of its bodies from its fields.
     if structure is None or anonymous.pair() != _roles(joint, ROLES):
         return None
-    # Joints of a group share their bodies' groups, so that motions are taken from one array each.
+    # The first bodies of a group of joints are in one group, so that their motions are elements of
+    # the same arrays; so are the second bodies.
     return structure, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
 
 
 def _roles(joint: AbstractContactJoint, names: tuple[str, str]) -> tuple[str, ...]:
-    """Return `names` for the joint's two bodies, where the ground keeps its own name."""
+    """Return `names` as names of the joint's two bodies, except that the ground keeps its own
+    name."""
     return tuple(
         GROUND if name == GROUND else role for name, role in zip(joint.pair(), names, strict=True)
     )
 
 
 def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractContactJoint:
-    """Return a copy of a joint with the names of its two bodies replaced, except the ground's.
+    """Return a copy of a joint in which `names` replace the names of its two bodies, except the
+    ground's.
 
-    The checks at construction do not run, since they do not accept numbers in scalar form.
+    The checks at construction do not run, since they do not accept vectors as separate scalars.
     """
     new_names = dict(zip(joint.pair(), _roles(joint, names), strict=True))
     renamed = copy.copy(joint)
@@ -173,17 +180,17 @@ def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractCon
 
 
 def _has_rows(joint: AbstractContactJoint) -> bool:
-    """Return whether the joint has constraint rows besides its contacts."""
+    """Return whether a joint has constraint equations besides its contacts."""
     number = jnp.ones(())
     vector = Vector(number, number, number)
     motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
     motions = {**dict.fromkeys(joint.body_names(), motion), GROUND: GROUND_MOTION}
-    # Only the structure of the rows matters, so they are evaluated without arithmetic.
+    # Only the number of the rows matters, so they are evaluated for their shapes alone.
     return bool(jax.eval_shape(lambda: joint.rows(motions, number)))
 
 
 def _constrained_bodies(scene: Scene) -> set[str]:
-    """Return the names of bodies that have constraint rows or an anchor, and so cannot be
+    """Return the names of bodies that have constraint equations or an anchor, and so cannot be
     grouped."""
     contacts = scene.contact_joints()
     return {

@@ -1,8 +1,9 @@
-"""Coordinates of a condensed scene: absolute ones for groups of bodies, any others for single
-bodies.
+"""Coordinates of a condensed scene, in which groups replace alike elements.
 
-A free body has the same variables in all coordinates, and its equations take the least arithmetic
-in absolute coordinates.
+Groups of bodies have absolute coordinates, and single bodies any other ones. A grouped body moves
+freely. A free body has the same variables in all coordinates, and its equations take the least
+arithmetic in absolute coordinates. Arguments and results of the type `Speeds` are lists with one
+entry for each speed of the single bodies, then six arrays (n,) for each group of n bodies.
 """
 
 from collections.abc import Callable, Iterable
@@ -33,15 +34,17 @@ from .condensing import condensed, groups
 T = TypeVar("T")
 
 GroupedVariables: TypeAlias = tuple[MotionVariables, dict[str, BodyState]]
-"""Variables of the single bodies, and for each group of bodies a `BodyState` of arrays, by its
-name."""
+"""A pair: the variables of the single bodies, and for each group of bodies, by its name, a
+`BodyState` of arrays."""
 
 
 class GroupedCoordinates(AbstractCoordinates):
-    """Coordinates of a condensed scene, where `rest` are the coordinates of its single bodies.
+    """Coordinates of a condensed scene.
 
-    The states given to `encode` are by names of single bodies. The states from `decode` are by the
-    names of the condensed scene, which include those of groups.
+    **Arguments:** `rest`: the coordinates of the single bodies.
+
+    The states that are given to `encode` are by names of single bodies. Those from `decode` are by
+    the names of the condensed scene, which include those of groups.
     """
 
     rest: AbstractCoordinates
@@ -51,7 +54,8 @@ class GroupedCoordinates(AbstractCoordinates):
         return self.rest.eliminated(_rest(scene))
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> GroupedVariables:
-        """Return the variables of the single bodies, and the states of the groups by name."""
+        """Return the variables of the single bodies and of the groups, for given states of all
+        bodies by name."""
         rest = {name: bodies[name] for name in _rest(scene).bodies}
         return self.rest.encode(_rest(scene), rest), by_group(bodies, _groups(scene).bodies)
 
@@ -60,7 +64,7 @@ class GroupedCoordinates(AbstractCoordinates):
         return self.rest.decode(_rest(scene), variables[0]) | variables[1]
 
     def motions(self, scene: Scene, variables: GroupedVariables) -> Motions:
-        """Return pose and twist by names of single bodies, groups, members of groups, and
+        """Return pose and velocities by the names of single bodies, groups, members of groups, and
         "ground"."""
         rest = self.rest.motions(_rest(scene), variables[0])
         groups = AbsoluteCoordinates().motions(_groups(scene), variables[1])
@@ -86,8 +90,8 @@ class GroupedCoordinates(AbstractCoordinates):
 class GroupedMechanics(AbstractMechanics):
     """Equations of motion of a condensed scene.
 
-    The list of speeds holds those of the single bodies, then six arrays (n,) for each group of n
-    bodies.
+    **Arguments:** `rest`: the coordinates of the single bodies; `variables`: those of single bodies
+    and groups.
     """
 
     def __init__(self, rest: AbstractCoordinates, scene: Scene, variables: GroupedVariables):
@@ -100,7 +104,8 @@ class GroupedMechanics(AbstractMechanics):
         self.motions = GroupedMotions({**self._rest.motions, **free.motions})
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under wrenches and gravity, without constraints."""
+        """Return the rates of the speeds under wrenches, by name of body, and gravity, without
+        constraints."""
         wrenches = summed_wrenches(wrenches, self._bodies)
         return [
             *self._rest.free_rates(wrenches),
@@ -108,20 +113,22 @@ class GroupedMechanics(AbstractMechanics):
         ]
 
     def _broadcast(self, rates: Speeds) -> Speeds:
-        """Return the rates of the groups, as arrays with one element for each body of the group.
+        """Return the rates of the groups' speeds as arrays with one element for each body of the
+        group.
 
-        Before, rates that are the same for all bodies of a group are single numbers.
+        In `rates`, a rate that is the same for all bodies of a group is a single number.
         """
         return [
             jnp.broadcast_to(rate, (size,)) for rate, size in zip(rates, self._sizes, strict=True)
         ]
 
     def _split(self, numbers: Speeds) -> tuple[Speeds, Speeds]:
+        """Return the entries of a list for the single bodies, and those for the groups."""
         size = len(numbers) - len(self._sizes)
         return numbers[:size], numbers[size:]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces of the wrenches, one for each speed."""
+        """Return the generalised forces of wrenches, by name of body, one for each speed."""
         wrenches = summed_wrenches(wrenches, self._bodies)
         return [*self._rest.projected(wrenches), *self._groups.projected(wrenches)]
 
@@ -135,7 +142,8 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the acceleration of each body, by name of body; those of groups are split."""
+        """Return the acceleration of each body, by the name of the single body, also for members of
+        groups."""
         rest, groups = self._split(rates)
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 
@@ -147,25 +155,26 @@ class GroupedMechanics(AbstractMechanics):
     def after_displacement(self, changes: Speeds) -> GroupedVariables:
         """Return the variables after a small displacement of the single bodies.
 
-        Grouped bodies stay where they are, since only constraints displace bodies, and they have
-        none.
+        Grouped bodies stay where they are: only constraints displace bodies, and grouped bodies
+        have none.
         """
         return self._rest.after_displacement(self._split(changes)[0]), self._variables[1]
 
     def after_speed_change(self, changes: Speeds) -> GroupedVariables:
         """Return the variables after changes of the single bodies' speeds.
 
-        Grouped bodies keep their speeds, since only constraints change them, and they have none.
+        Grouped bodies keep their speeds: only constraints change them, and grouped bodies have
+        none.
         """
         return self._rest.after_speed_change(self._split(changes)[0]), self._variables[1]
 
 
 class GroupedMotions(dict[str, Motion]):
-    """Dictionary of motions by names of single bodies and groups, which derives further motions on
-    demand.
+    """Dictionary of motions by the names of single bodies and groups, which computes further
+    motions on demand.
 
-    Further keys are the name of a body in a group, and a `GroupName` of several bodies of one
-    group, or of one single body repeated.
+    Further keys are the name of one body in a group; a `GroupName` of several bodies of one group;
+    and a `GroupName` that repeats one single body.
     """
 
     def __init__(self, motions: Motions):
@@ -178,6 +187,7 @@ class GroupedMotions(dict[str, Motion]):
         return self._derived[name]
 
     def _motion_of(self, name: str) -> Motion:
+        """Return the motion for a further key."""
         if isinstance(name, GroupName) and name.members[0] in self:
             return self[name.members[0]]
         group = group_with(self, name)
@@ -190,9 +200,9 @@ class GroupedMotions(dict[str, Motion]):
 def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
     """Return the sum of the wrenches on each single body and on each group of a condensed scene.
 
-    **Arguments:** `wrenches`: by name of a body, or by a `GroupName` of several bodies, with arrays
-    of one element for each of them; `bodies`: the names in the condensed scene, which are the keys
-    of the result.
+    **Arguments:** `wrenches`: by the name of a body, or by a `GroupName` of several bodies, with
+    arrays of one element for each of them; `bodies`: the names in the condensed scene, which are
+    the keys of the result.
     """
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
@@ -202,8 +212,11 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
 
 
 def _assigned(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wrench]:
-    """Return the name of the single body or group on which a wrench on `name` acts, and the wrench
-    in the shape of that body or group."""
+    """Convert a wrench on the body or bodies called `name` to the single body or group that
+    contains them.
+
+    **Returns:** the name of the single body or group among `bodies`, and the wrench in its shape.
+    """
     if name in bodies:
         return name, wrench
     if isinstance(name, GroupName) and name.members[0] in bodies:
@@ -215,7 +228,8 @@ def _assigned(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wr
 
 
 def group_with(names: Iterable[str], name: str) -> GroupName:
-    """Return the name of the group that contains a body, or the first of several bodies.
+    """Return the name of the group among `names` that contains a body, or the first of several
+    bodies.
 
     **Raises:** `KeyError` if no group contains the body.
     """
@@ -227,11 +241,12 @@ def group_with(names: Iterable[str], name: str) -> GroupName:
 
 
 def _map_arrays(function: Callable[[jax.Array], Scalar], tree: T) -> T:
+    """Apply a function to all leaves of a PyTree except exact zeros and ones."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else function(leaf), tree)
 
 
 def _taken(values: jax.Array, indices: list[int]) -> jax.Array:
-    """Return the elements of an array (n,) at the given indices, by a slice if these are
+    """Return the elements of an array (n,) at the given indices, by a slice if the indices are
     consecutive."""
     first, last = indices[0], indices[-1] + 1
     if indices == list(range(first, last)):
@@ -240,9 +255,9 @@ def _taken(values: jax.Array, indices: list[int]) -> jax.Array:
 
 
 def _scattered(values: jax.Array, indices: list[int], size: int) -> Scalar:
-    """Return an array (size,) in which entry k is the sum of the values whose index is k.
+    """Return an array (size,) in which entry k is the sum of those values whose index is k.
 
-    It is computed by gathers, since with a scatter the stepping loop could not become one native
+    It is computed by gathers: with a scatter, the stepping loop could not become one native
     function.
     """
     values = jnp.broadcast_to(values, (len(indices),))
@@ -269,15 +284,16 @@ def _rest(scene: Scene) -> Scene:
 
 
 def _groups(scene: Scene) -> Scene:
-    """Return the scene with its groups of bodies only."""
+    """Return the scene with its groups of bodies only, and without joints."""
     bodies = {name: scene.bodies[name] for name in _group_names(scene.bodies)}
     return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, (bodies, {}))
 
 
 def grouped(scene: Scene, formulation: Formulation) -> tuple[Scene, Formulation]:
-    """Return a scene, in scalar form, with alike elements grouped, and its formulation.
+    """Return a scene with alike elements grouped, and its formulation; both unchanged if there is
+    no group.
 
-    If there is no group, return both unchanged.
+    In the scene, each vector is three separate scalars.
     """
     with_groups = condensed(scene)
     if not groups(with_groups):

@@ -1,2 +1,2 @@
-"""Joint coordinates of open chains of bodies; the composite rigid body algorithm gives the mass
+"""Joint coordinates of trees of bodies; the composite rigid body algorithm gives the mass
 matrix."""

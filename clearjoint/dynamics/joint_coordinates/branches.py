@@ -1,7 +1,10 @@
-"""Branches of the spanning trees of a scene's bodies and ideal joints: bodies that move freely, or
-bodies carried by an ideal joint.
+"""Branches of the trees that bodies and ideal joints form: bodies that move freely or that a joint
+carries.
 
-Each kind of branch has its own variables, and converts them to the body's motion and rates.
+A scene's bodies, and those ideal joints that close no loop, form trees. A branch is one body with
+its parent, the next body towards the root of the tree, or the ground. Each kind of branch has its
+own variables, and converts them to the body's motion and rates. The spin of a body is its angular
+velocity in body axes, rad/s.
 """
 
 import abc
@@ -32,13 +35,13 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 
 @dataclass(frozen=True)
 class AbstractBranch(abc.ABC):
-    """A body and its parent, by name, with the conversions between variables and motion of the
-    body.
+    """Base class of branches, with the conversions between the variables and the motion of a body.
 
-    The parent is the next body towards the root of the tree, or the ground. In all methods, `state`
-    holds the variables of the body, and `axes` is the rotation matrix from the axes of the tree's
-    root body to global ones. Lists of the type `Speeds` have one entry for each degree of freedom
-    of the branch.
+    - `body`, `parent`: names of the body and its parent.
+
+    In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
+    axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
+    degree of freedom of the branch.
     """
 
     body: str
@@ -46,20 +49,23 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def encode(self, parent: BodyPose, body: BodyPose) -> MotionVariables:
-        """Return the variables of the body for given motions of the parent and the body."""
+        """Return the variables of the body for given orientations and motions of the parent and the
+        body."""
 
     @abc.abstractmethod
     def orientation(self, parent: EulerParameters, state: MotionVariables) -> EulerParameters:
-        """Return the body's Euler parameters for those of its parent."""
+        """Return the body's Euler parameters, computed from those of its parent."""
 
     @abc.abstractmethod
     def motion(self, parent: Motion, state: MotionVariables) -> Motion:
-        """Return pose and twist of the body for those of its parent."""
+        """Return pose and velocities of the body, computed from those of its parent."""
 
     @abc.abstractmethod
     def link(self, parent: Link | None, state: MotionVariables) -> Link:
-        """Return the body as a link of its tree, on the link of its parent; ``None`` for a root's
-        parent."""
+        """Return the body as a link of its tree, with its kinematics in the tree's frame.
+
+        **Arguments:** `parent`: the link of the body's parent; ``None`` if the body is the root.
+        """
 
     @abc.abstractmethod
     def rates(
@@ -67,7 +73,8 @@ class AbstractBranch(abc.ABC):
     ) -> MotionVariables:
         """Return the time derivatives of the variables for given rates of the speeds.
 
-        `speeds` are these rates, relative to the parent; `gravity` is in m/s^2, global.
+        **Arguments:** `speeds`: the rates of the speeds, relative to the parent; `gravity`: m/s^2,
+        global.
         """
 
     @abc.abstractmethod
@@ -80,11 +87,12 @@ class AbstractBranch(abc.ABC):
     def after_speed_change(
         self, state: MotionVariables, changes: Speeds, axes: Matrix
     ) -> MotionVariables:
-        """Return the variables after adding a change, m/s or rad/s, to each speed."""
+        """Return the variables with a change, m/s or rad/s, added to each speed."""
 
     @abc.abstractmethod
     def without_drift(self, state: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion."""
+        """Return normalised variables of the same motion: unit Euler parameters, angles within two
+        turns."""
 
     @abc.abstractmethod
     def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
@@ -97,20 +105,21 @@ class AbstractBranch(abc.ABC):
 
 @dataclass(frozen=True)
 class FreeBranch(AbstractBranch):
-    """A free body, whose variables are a `BodyState`, as in absolute coordinates.
+    """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
+    coordinates.
 
     The position is the centre of mass or, with an `anchor`, the vector in m from the anchor's
     ground point to its body point. The anchor is the pair of these points: on the body, m in body
-    axes, and on the ground, m in global axes. The six speeds are velocity (m/s) and spin (rad/s),
-    both in body axes. Rates of the velocity are relative to free fall, since gravity accelerates
-    all bodies of a free tree alike.
+    axes, and on the ground, m in global coordinates. The six speeds are velocity (m/s) and spin
+    (rad/s), both in body axes. Rates of the velocity are relative to free fall, since gravity
+    accelerates all bodies of a free tree alike.
     """
 
     anchor: tuple[Vector, Vector] | None
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Return the state of the body, with the position of the centre of mass or of the anchor's
-        point."""
+        """Return the state of the body, with the position of the centre of mass or, with an anchor,
+        of the anchor's body point."""
         orientation, motion = body
         position = motion.position
         if self.anchor is not None:
@@ -119,11 +128,12 @@ class FreeBranch(AbstractBranch):
         return BodyState(position, orientation, motion.velocity, motion.spin)
 
     def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
-        """Return the Euler parameters in the state."""
+        """Return the Euler parameters in the body's state."""
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """Return the motion of the body; that of the parent, the ground, is not used."""
+        """Return the motion of the body, which does not depend on that of its parent, the
+        ground."""
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
@@ -142,8 +152,9 @@ class FreeBranch(AbstractBranch):
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
         """Return the velocity of the point that the position variable describes, m/s, global.
 
-        `velocity` is that of the centre of mass, global, and `spin` is in body axes. For a
-        displacement in m and a rotation in rad, return the displacement of the point, m.
+        **Arguments:** `velocity`: of the centre of mass, global; `spin`: in body axes. For a
+        displacement in m and a rotation in rad in their place, the result is the displacement of
+        the point, m.
         """
         if self.anchor is None:
             return velocity
@@ -174,36 +185,38 @@ class FreeBranch(AbstractBranch):
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
-        """Return True, since the rates are relative to free fall; `rates` adds gravity."""
+        """Return True: the rates are relative to free fall, and the method `rates` adds gravity."""
         return True
 
 
 @dataclass(frozen=True)
 class JointedBranch(AbstractBranch):
-    """A body carried by an ideal joint; its variables are the `JointState` of that joint.
+    """A body that an ideal joint carries on its parent; its variables are the `JointState` of that
+    joint.
 
     - `joint`: name of the joint.
-    - `motion_subspace`: the relative motion that the joint allows.
+    - `motion_subspace`: the relative motions that the joint allows.
     """
 
     joint: str
     motion_subspace: AbstractMotionSubspace
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's coordinates and speeds; relative motion that the joint forbids is
+        """Return the joint's coordinates and speeds. Relative motion that the joint forbids is
         dropped."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, first), (orientation_body, second) = parent, body
         displacement = second.components(second.point(on_child) - first.point(on_parent))
         spin = second.spin - second.components(first.direction(first.spin))
         velocity = second.components(second.velocity_at(on_child) - first.velocity_at(on_parent))
-        # Rate of the displacement as seen in the body's axes, which rotate with its spin.
+        # This is the rate of the displacement's components in body axes, which rotate with `spin`.
         linear = velocity - second.spin.cross(displacement)
         orientation = composed(conjugate(orientation_parent), orientation_body)
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
-        """Return the parent's orientation composed with the rotation in the joint, of unit norm."""
+        """Return the parent's orientation composed with the rotation in the joint, with unit
+        norm."""
         return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
@@ -224,7 +237,7 @@ class JointedBranch(AbstractBranch):
         )
 
     def link(self, parent: Link | None, state: JointState) -> Link:
-        """Return the link of the body; the parent's link is ``None`` if the parent is the
+        """Return the body as a link of its tree; `parent` is ``None`` if the parent is the
         ground."""
         return jointed_link(parent, self.motion_subspace, state)
 
@@ -233,7 +246,7 @@ class JointedBranch(AbstractBranch):
         return JointState(self.motion_subspace.rates(state), tuple(speeds))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the position moved in the free directions of the joint, m or
+        """Return the state with the position moved along the free directions of the joint, m or
         rad."""
         return JointState(
             self.motion_subspace.after_displacement(state.position, tuple(changes)), state.speeds
@@ -258,14 +271,14 @@ class JointedBranch(AbstractBranch):
 
 
 def forest(scene: Scene) -> list[list[AbstractBranch]]:
-    """Return the trees of a scene, found from names; only constraints that close loops couple
-    different trees.
+    """Return the trees of a scene, each as a list of branches.
 
-    In each tree, a parent comes before its children. The first branch is the root; only its parent
-    is the ground. Bodies that ideal joints connect to the ground come first. Bodies are visited
-    breadth first, so that chains are short. Of connected bodies without a joint to the ground, one
-    becomes a free root. A body with an `Anchor` is preferred as root, since the anchor preserves
-    digits of its position.
+    Ideal joints that would close a loop belong to no tree; they remain constraints. In each tree, a
+    parent comes before its children. The first branch is the root; only its parent is the ground.
+    Bodies that ideal joints connect to the ground come first. Bodies are visited breadth first, so
+    that chains are short. Of connected bodies without a joint to the ground, one becomes a free
+    root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
+    position. The trees follow from names alone.
     """
     placed = {GROUND}
     trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
@@ -281,7 +294,8 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
 
 
 def _grow(tree: list[AbstractBranch], scene: Scene, placed: set[str]) -> None:
-    """Add all further branches of a tree, breadth first, and their bodies to `placed`."""
+    """Append all further branches of a tree to it, breadth first, and add their bodies to
+    `placed`."""
     for branch in tree:  # The loop also visits the branches that it appends.
         tree += _children(scene, branch.body, placed)
 

@@ -1,25 +1,28 @@
 """Equations of motion of trees in joint coordinates, by the composite rigid body algorithm.
 
 The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
-unknowns. Each joint connects a carried body to its carrier, the next body towards the root. The
-book solves for the rate u' of each joint's speed u, relative to the carrier. This module solves for
+unknowns. Each joint connects a carried body to its carrier, the next body towards the root of the
+tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
+solves for
 
     r = u' + axis . (angular acceleration of the carrier),
 
-the rate relative to a carrier that does not rotate about the joint's axis. For a translation,
-r = u'.
+the rate relative to a carrier that does not rotate about the joint's axis. For a translation, r =
+u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
 enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
 unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
-`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has
-2.3 kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts.
-If axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
+`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has 2.3
+kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts. If
+axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
 omits.
 
-Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
-from its root to its leaves, then those of the second, and so on. Where they are rates or changes of
-speeds, they have the form of r.
+A link is a body of a tree with its kinematics. Its columns are the twists (angular and linear
+velocity of the body) that a unit of each speed of its joint causes. Arguments and results of the
+type `Speeds` have one entry for each speed: those of the first tree from its root to its leaves,
+then those of the second, and so on. Where they are rates or changes of speeds, they have the form
+of r.
 """
 
 from collections.abc import Iterator
@@ -43,7 +46,7 @@ from .branches import AbstractBranch, forest
 from .links import Inertia, Link, central_inertia, inertia
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
-"""Force, and moment about the centre of mass, in the tree's axes."""
+"""Force, and moment about the centre of mass of the body, in the tree's axes."""
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
@@ -65,10 +68,9 @@ class JointMechanics(AbstractMechanics):
         self._branches = [branch for tree in trees for branch in tree]
         index = {branch.body: k for k, branch in enumerate(self._branches)}
         self._parents = [index.get(branch.parent) for branch in self._branches]
-        # Of each branch: rotation of its tree's axes, and in these axes the acceleration by which
-        # rates are less than accelerations, and the gravity that is a load. In a free tree all
-        # bodies fall alike: rates are relative to free fall, and gravity is added to the
-        # accelerations. In a tree on the ground, gravity is a load on each body.
+        # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
+        # added to the accelerations (`falls`). In a tree on the ground, gravity is a load on each
+        # body (`weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
@@ -102,13 +104,14 @@ class JointMechanics(AbstractMechanics):
         ]
 
     def _pairs(self) -> Iterator[tuple[AbstractBranch, Link]]:
+        """Return an iterator over the pairs of each branch and its link."""
         return zip(self._branches, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
-        """Return the lower triangle of the mass matrix as lists, filled from the leaves to the
-        root.
+        """Return the lower triangle of the mass matrix, as lists that are filled from the leaves to
+        the root.
 
-        At each link, `composites` holds the inertia of the link and of all bodies that it carries,
+        `composites` is, for each link, the inertia of the link and of all bodies that it carries,
         as far as their joints transmit that inertia.
         """
         matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
@@ -137,8 +140,8 @@ class JointMechanics(AbstractMechanics):
         return matrix
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill a row of the mass matrix with products of a momentum and the columns of link k and
-        of all its carriers towards the root."""
+        """Fill a row of the mass matrix with the products of a momentum with the columns of link k
+        and of all its carriers towards the root. `k` is ``None`` beyond the root."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -147,18 +150,18 @@ class JointMechanics(AbstractMechanics):
             k = self._parents[k]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates r for generalised forces."""
+        """Return the rates r that generalised forces cause."""
         trees = zip(self._trees, self._factorisations, strict=True)
         return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates r under wrenches and gravity, without constraints."""
+        """Return the rates r under wrenches, by name of body, and gravity, without constraints."""
         loads = []
         for k, (force, moment) in enumerate(self._loads(wrenches)):
             link, body = self._links[k], self._scene.bodies[self._branches[k].body]
             central = self._central[k]
-            # The accelerations at constant speeds take their share of the load, so the remainder
-            # accelerates the speeds.
+            # Part of the load causes the accelerations at constant speeds. The remainder changes
+            # the speeds.
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
             inertial = (link.bias - self._weights[k]) * body.mass
             loads.append((force - inertial, moment - gyroscopic))
@@ -169,7 +172,7 @@ class JointMechanics(AbstractMechanics):
         return self._along_columns(list(self._loads(wrenches)))
 
     def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
-        """Yield the load on each link."""
+        """Yield force and moment on each link in its tree's axes, for wrenches by name of body."""
         for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
             wrench = wrenches.get(branch.body, NO_WRENCH)
             yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment
@@ -192,7 +195,8 @@ class JointMechanics(AbstractMechanics):
         return forces
 
     def bias(self, row: Row) -> Scalar:
-        """Return the part of a constraint row's second derivative that remains at zero rates."""
+        """Return the second time derivative of a constraint row's value at zero rates of all
+        speeds."""
         total: Scalar = 0.0
         of_tree: Scalar = 0.0
         for k, (force, moment) in enumerate(self._loads(row.jacobian)):
@@ -206,10 +210,9 @@ class JointMechanics(AbstractMechanics):
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
 
-        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin,
-        caused by the rates, without the parts at constant speeds. The rates u' are relative to the
-        carrier. This reverses the change of unknowns: u' = r - axis . (angular acceleration of the
-        carrier).
+        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin, as
+        far as the rates cause it; the parts at constant speeds are left out. The rates u' are
+        relative to the carrier: u' = r - axis . (angular acceleration of the carrier).
         """
         twists: list[Twist] = []
         for k, link in enumerate(self._links):
@@ -262,24 +265,28 @@ class JointMechanics(AbstractMechanics):
         self, rates: Speeds
     ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds, Matrix]]:
         """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
-        of its tree."""
+        of its tree, for given rates r."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, part), axes in links:
             yield branch, self._variables[branch.body], part, axes
 
 
 def _product(first: Twist, second: Twist) -> Scalar:
-    """Return angular times angular plus linear times linear part: the power of a load with a twist,
-    or the product of a momentum with a column."""
+    """Return the sum of angular times angular and linear times linear part.
+
+    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
+    column.
+    """
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum that a joint transmits to the carrier.
 
-    **Arguments:** `load`: moment and force, or momentum, of the carried bodies; `along`: products
-    of `load` with each of `columns`, which are the joint's free directions. The moments of these
-    products about the columns' axes are left out.
+    It has no moments about the free axes of the joint.
+
+    **Arguments:** `columns`: twists of the joint's free directions; `load`: moment and force, or
+    momentum, of the carried bodies; `along`: products of `load` with each of the columns.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):

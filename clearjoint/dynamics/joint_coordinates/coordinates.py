@@ -1,8 +1,9 @@
-"""Joint coordinates: angles and distances of ideal joints, which then need no constraints.
+"""Joint coordinates: angles and distances in ideal joints, which then need no constraints.
 
-A clearance joint is a force element, so it does not close a loop, and most mechanisms with
-clearances are trees. In joint coordinates, a tree has no multipliers, no drift and no redundant
-constraints, and few variables. Ideal joints that close a loop remain constraints.
+A clearance joint is a force element, so it does not close a loop, and in most mechanisms with
+clearances the bodies and ideal joints form trees. In joint coordinates, a tree has no multipliers,
+no drift and no redundant constraints, and few variables. Ideal joints that close a loop remain
+constraints.
 """
 
 from ...model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
@@ -18,8 +19,9 @@ class JointCoordinates(AbstractCoordinates):
 
     A free body has the same variables as in absolute coordinates, including its `Anchor`.
 
-    These coordinates are the default, because they are faster on every mechanism measured. Time in
-    µs of one evaluation of the equations of motion, in a native loop of one lane:
+    These coordinates are the default, because they are faster on every mechanism measured. The
+    table shows the time in µs of one evaluation of the equations of motion, in a native loop of one
+    lane:
 
     | mechanism | joint coordinates | absolute coordinates |
     |---|---|---|
@@ -46,7 +48,7 @@ class JointCoordinates(AbstractCoordinates):
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """Return the variables for given states of the bodies, by name.
 
-        If a state violates the joints of the trees, the violation is dropped.
+        If a state violates an ideal joint that carries a body, the violation is dropped.
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
@@ -72,8 +74,8 @@ class JointCoordinates(AbstractCoordinates):
         }
 
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        """Return pose and twist of each body and of "ground", by name, computed from the roots to
-        the leaves."""
+        """Return pose and velocities of each body and of "ground", by name, computed from the roots
+        to the leaves."""
         motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
         for branch in _branches(scene):
             motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
@@ -100,4 +102,5 @@ class JointCoordinates(AbstractCoordinates):
 
 
 def _branches(scene: Scene) -> list[AbstractBranch]:
+    """Return the branches of all trees of a scene; a parent comes before its children."""
     return [branch for tree in forest(scene) for branch in tree]

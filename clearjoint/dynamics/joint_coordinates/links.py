@@ -1,9 +1,10 @@
-"""Kinematics of the bodies of a tree, in a frame common to the tree.
+"""Kinematics and inertia of the bodies of a tree, in a frame common to the tree.
 
 The axes of the frame are those of the tree's root body. Its origin is a point of the root: the
 joint on the ground or, for a free root, the centre of mass. So the root's inertia is constant,
-constant vectors keep their structural zeros, and for a free root the mass matrix contains the total
-mass times the identity.
+constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
+times the identity. A twist is the angular velocity of a body with the velocity of its point at the
+origin.
 """
 
 from collections.abc import Callable
@@ -29,7 +30,7 @@ from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState,
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A body of a tree at one instant; all vectors have the tree's axes.
+    """A body of a tree at one instant; all vectors are in the tree's axes.
 
     - `rotation`: matrix that maps components in body axes to components in the tree's axes.
     - `centre`: m, from the tree's origin to the centre of mass.
@@ -38,8 +39,7 @@ class Link:
     - `bias`: m/s^2, acceleration of the centre of mass at constant speeds.
     - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
       difference of their accelerations at constant speeds.
-    - `columns`: for each speed of the link's joint, the twist that a unit of it causes: spin, and
-      velocity of the point of the body at the tree's origin.
+    - `columns`: for each speed of the link's joint, the twist that a unit of this speed causes.
     """
 
     rotation: Matrix
@@ -52,7 +52,7 @@ class Link:
 
 
 GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
-"""The ground as the parent of links."""
+"""The ground, as the parent of links."""
 
 
 def free_link(spin: Vector) -> Link:
@@ -70,7 +70,8 @@ def jointed_link(
 ) -> Link:
     """Return the link of a body that a joint carries on its parent, ``None`` for the ground.
 
-    `state` holds the coordinates and speeds of the joint.
+    **Arguments:** `motion_subspace`: the relative motions that the joint allows; `state`:
+    coordinates and speeds of the joint.
     """
     if parent is None:
         return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, motion_subspace, state)
@@ -88,13 +89,16 @@ def _carried(
     motion_subspace: AbstractMotionSubspace,
     state: JointState,
 ) -> Link:
-    """Return the link of a body whose joint is at a point of the parent.
+    """Return the link of a body whose joint is at a given point of the parent.
 
     **Arguments:**
 
-    - `rotation`: from the body's axes to the tree's.
+    - `rotation`: from the body's axes to the tree's, without the rotation in the joint if the
+      parent is the ground.
     - `point`: m, position of the joint's point on the parent, from the tree's origin.
+    - `parent`: the link of the parent.
     - `bias`: m/s^2, acceleration of this point at constant speeds.
+    - `motion_subspace`, `state`: as for `jointed_link`.
     """
     # Relative motion in the joint, in the tree's axes, and its acceleration at constant speeds.
     twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
@@ -121,12 +125,13 @@ def _carried(
 
 
 def _at_origin(twist: Twist, point: Vector) -> Twist:
-    """Return the twist of a body at the tree's origin, for the twist at a given point, m."""
+    """Return the twist of a body, whose linear part is the velocity of its point at the origin,
+    from a twist with the velocity of its point at `point`, m."""
     return Twist(twist.angular, twist.linear + point.cross(twist.angular))
 
 
 def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
-    """Return the matrix that maps r to angular_bias x r + spin x (spin x r), 1/s^2."""
+    """Return the matrix, 1/s^2, that maps r to angular_bias x r + spin x (spin x r)."""
     w, b = spin, angular_bias
     xx, yy, zz = (multiply(part, part) for part in w)
     xy, xz, yz = multiply(w.x, w.y), multiply(w.x, w.z), multiply(w.y, w.z)
@@ -139,7 +144,8 @@ def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Spatial inertia about the tree's origin, in the tree's axes.
+    """Spatial inertia of one body or of several connected bodies, about the tree's origin and in
+    its axes.
 
     It maps spin w and velocity v to the angular momentum I w + C v and the momentum C^T w + m v,
     with I = `angular` (kg m^2), C = `coupling` (kg m) and m = `mass` (kg).
@@ -164,7 +170,7 @@ class Inertia:
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the inertia without the part that belongs to rotation about `axis`.
+        """Return the inertia without the part that belongs to rotation about an axis.
 
         The part subtracted is the outer product of `axis` with the momentum `whole`, plus the
         transposed product of `axis` with `rest`, so that the result stays symmetric.
@@ -185,7 +191,7 @@ class Inertia:
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
     """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
 
-    `rotation` maps body components to the tree's axes.
+    **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
     """
     rows = (rotation.row_x, rotation.row_y, rotation.row_z)
     images = [
@@ -221,5 +227,7 @@ def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
+    """Return the symmetric matrix whose lower triangle a function of row and column, 0 to 2,
+    gives."""
     lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
     return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))

@@ -1,1 +1,2 @@
-"""The runs of a sweep side by side: lanes, the data they record, and their scheduler."""
+"""The runs of a sweep, computed side by side: lanes, the data that they record, and their
+scheduler."""

@@ -1,10 +1,14 @@
-"""One lane of a batch: a run that tries one step in each turn of a loop over many lanes.
+"""One lane of a batch: one run of a sweep, which tries one step in each iteration of a loop over
+lanes.
 
-The functions of this module compute one lane in scalar arithmetic, without loops. The loop over
-turns, with many lanes side by side, is in `clearjoint.native.lanes` and `.xla_lanes`.
+The functions of this module compute one lane in scalar arithmetic, without loops. One iteration of
+the loop over many lanes side by side is called a turn; the loop is in `clearjoint.native.lanes` and
+`.xla_lanes`. A lane that needs something from Python, such as an empty buffer, waits: it stays
+unchanged in further turns until Python (the host) has served it.
 
-A log is a table that a lane writes: the crossings of a section, the impacts of a contact, or the
-saved states. The host is the Python code that reads the logs.
+A log is a table that a lane writes: the crossings of a Poincaré section, the impacts of a contact,
+or the saved states. A buffer holds the rows of a log that the host has not read yet. Packed states
+have vectors as arrays (3,); in scalar form a vector is three separate scalars.
 """
 
 from collections.abc import Mapping
@@ -40,16 +44,16 @@ from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
 WINDOW = ROWS + 1
-"""Number of times to save at in a `SegmentRequest`: one more than a buffer has rows, so that a lane
-with a full buffer still knows whether more states are to be saved."""
+"""Number of times to save at in a `SegmentRequest`. It is one more than a buffer has rows, so that
+a lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
-    """Method and outputs that all lanes of a batch share.
+    """Integration method and outputs that all lanes of a batch share.
 
     - `scheme`: integration method and formulation of the equations of motion.
-    - `reductions`, `sections`, `impacts`: reductions, conditions of crossings and recorders of
-      impacts, each by the name of its output.
+    - `reductions`, `sections`, `impacts`: reductions such as a peak force, conditions of crossings,
+      and recorders of impacts, each by the name of its output.
     - `saves`: whether states are saved at given times.
     - `max_steps`: largest number of attempts in a lane.
     """
@@ -62,7 +66,7 @@ class Plan(eqx.Module):
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     def loop(self, system: System, request: "SegmentRequest") -> RunLoop:
-        """Return the loop of a lane, whose recorders keep the rows that `request` asks for."""
+        """Return the loop of a lane, whose recorders keep as many rows as `request` asks for."""
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             SECTIONS: {
@@ -84,7 +88,7 @@ class SegmentRequest(eqx.Module):
 
     - `end_time`: s, end of the run; `first_step`: s, length of its first step.
     - `window`: (`WINDOW`,) s, the next times to save at, filled up with infinity.
-    - `wanted[log]`: number of rows that are still to be recorded.
+    - `wanted[log]`: number of rows of a log that are still to be recorded.
     """
 
     end_time: Scalar
@@ -94,10 +98,11 @@ class SegmentRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns.
+    """A run between two turns of the loop over lanes.
 
-    - `run`: the run after its latest attempt, with the records of reductions, sections and tables
-      of impacts by the name of the output, and with the latest accepted step if states are saved.
+    - `run`: the run after its latest attempt. Its records are those of reductions, sections and
+      tables of impacts by the name of the output and, if states are saved, the latest accepted
+      step.
     - `saved`: saved states that the host has not read yet; ``None`` unless states are saved.
     """
 
@@ -105,11 +110,11 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Return whether the run goes on: before `end_time`, s, and without failure."""
+        """Return whether the run goes on: it is before `end_time`, s, and has not failed."""
         return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """Return the buffers of crossings and of impacts, by the name of the log."""
+        """Return the buffers of crossings and of impacts, by the name of their log."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[IMPACTS].items():
@@ -120,14 +125,15 @@ class Lane(eqx.Module):
 
 
 def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
-    """Return the entries whose key starts with `prefix`, by the rest of their key."""
+    """Return those entries of `wanted` whose key starts with `prefix`, with the rest of the key as
+    their key."""
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of a contact's impacts, such as "hits/pin V".
+    """Return the name of the log of one contact's impacts, such as "hits/pin V".
 
-    It differs from the names of all outputs. `name`: name of the output, a table of impacts.
+    No output can have this name. `name` is the name of the output, a table of impacts.
     """
     return f"{name}/{contact_label(joint, contact)}"
 
@@ -138,7 +144,7 @@ class Outcome(eqx.Module):
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `final`: the state at the end.
-    - `results[name][part]`: results of the reductions.
+    - `results[name][part]`: results of the reductions, by the name of the output and of the result.
     """
 
     time: Scalar
@@ -152,7 +158,7 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
 ) -> Lane:
-    """Return the lane before its first step, at `start_time`, s, from a state in packed form."""
+    """Return a lane before its first step at `start_time`, s, from a packed initial state."""
     # A compiled lane cannot raise an error. If its state violates the constraints, it gets a result
     # code with which it takes no step, and the other lanes run.
     fits = _is_assembled(plan, scene, state, start_time)
@@ -166,15 +172,15 @@ def begin_lane(
     row = Snapshot(step.t, step.y, step.entry_speeds)
     saved = RowBuffer.like(row, ROWS) if plan.saves else None
     lane = Lane(plan.loop(system, request).start(step), saved)
-    # Without weak types, as the loop returns the lane: its program needs equal types on both sides.
+    # The loop over lanes returns the lane without weak types. Its input needs equal types.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> Lane:
-    """Return the lane after one turn.
+    """Return a lane after one turn.
 
-    In a turn, the lane tries one step, unless its run has ended, the lane waits for the host, or a
-    state within its latest step is still to be saved. After that, the lane saves at most one state.
+    In a turn, the lane tries one step, unless its run has ended, it waits for the host, or a state
+    within its latest step is still to be saved. After that, it saves at most one state.
     """
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
@@ -182,9 +188,9 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane so far. `end_time`: s, end of its run.
+    """Return the outcome of a lane so far, which is final if the lane has ended.
 
-    The outcome is final if the lane has ended.
+    **Arguments:** `scene`: in scalar form; `end_time`: s, end of the lane's run.
     """
     system = plan.scheme.system(scene)
     step = lane.run.step
@@ -214,7 +220,7 @@ def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
-    """Return whether a lane tries a step in this turn."""
+    """Return whether a lane tries a step in the next turn."""
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
         # A lane keeps the dense output of its latest step only. So it takes no step before the
@@ -229,7 +235,7 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
-    """Return the next time to save at, s, infinite if states are saved at all times."""
+    """Return the next time to save at, s; infinite if states have been saved at all times."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
@@ -242,8 +248,8 @@ def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
-    """Return the lane with the state at the next time to save at, if the run has reached that time
-    and the buffer has room."""
+    """Return a lane with the state at the next time to save at added to its buffer, if the run has
+    reached that time and the buffer has room."""
     if lane.saved is None:
         return lane
     due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
@@ -253,15 +259,16 @@ def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) 
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
-    """Return whether a packed state satisfies all ideal joints at time t, s, and whether the
-    coordinates of the run can represent this state."""
+    """Return whether a packed state satisfies all ideal joints at a time t, s, and whether the
+    coordinates of the run can represent it."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)
     for row in flattened(absolute.rows(motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
-    # Joint coordinates hold only motions that their joints allow: compare after a round trip.
+    # Joint coordinates represent only motions that their joints allow. If the state is the same
+    # after conversion to coordinates and back, they represent it.
     chosen = System(scene, plan.scheme.formulation)
     for name, body in chosen.decode(chosen.encode(bodies)).items():
         fits = fits & (_apart(body.orientation, bodies[name].orientation) < REPRESENTED)
@@ -271,7 +278,7 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
 def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
     """Return the largest difference between the Euler parameters of two orientations.
 
-    The signs are chosen for the smallest difference, since p and -p are the same orientation.
+    p and -p are the same orientation, so the sign is chosen for which the difference is smaller.
     """
     pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
     alike = [jnp.abs(one - other) for one, other in pairs]

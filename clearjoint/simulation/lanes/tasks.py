@@ -1,4 +1,8 @@
-"""Data that all lanes of a batch share, and data of each lane."""
+"""Data of a batch of lanes: what all lanes share, and what each lane has of its own.
+
+A lane is one run of a sweep. A log is a table that a lane writes: the crossings of a section, the
+impacts of a contact, or the saved states.
+"""
 
 import equinox as eqx
 import jax
@@ -18,15 +22,16 @@ from ..step.types import Numbers
 from .lane import Lane, Plan
 
 Columns = dict[str, Scalar]
-"""Reported columns of a log by name: numbers of one row, or arrays (R,) for R rows."""
+"""Columns of a log in the results of a sweep, by name: numbers for one row, or arrays (R,) for R
+rows."""
 
 
 class Task(eqx.Module):
     """Data of one lane.
 
-    - `varied`: a tree like that of the scene, with the leaves that differ between lanes, and
-      ``None`` instead of the other leaves.
-    - `state`: the initial state, in packed form.
+    - `varied`: a PyTree with the structure of the scene, with those leaves that differ between
+      lanes, and ``None`` in place of the others.
+    - `state`: the initial state, in packed form (vectors as arrays (3,)).
     - `end_time`, `first_step`: s, end of the run and length of its first step.
     - `save_at`: (K,) s, rising, times to save at, or ``None``.
     """
@@ -41,11 +46,11 @@ class Task(eqx.Module):
 class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
-    - `plan`: method and outputs.
-    - `folded_scene`: the base scene, some leaves of which each lane replaces.
+    - `plan`: integration method and outputs.
+    - `folded_scene`: the scene, of which each lane replaces some leaves.
     - `start_time`: s.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities to report for each recorded state.
+    - `channels[log][name]`: for each recorded state of a log, the quantities to report.
     - `saved`: name of the log of saved states.
     - `tables[name]`: for each table of impacts, the logs of its contacts.
     - `programs`: digests of the traced programs, if known. A compiled program is reused only for
@@ -62,24 +67,26 @@ class Common(eqx.Module):
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
-        """Return the buffers of a lane by the name of the log that each fills."""
+        """Return the buffers of a lane, by the name of the log whose rows they hold."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
-        """Return the scene of a lane, in scalar form, with the lane's own leaves."""
+        """Return the scene of a lane, with its own leaves. Each vector is three separate
+        scalars."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
 
     def columns_of(
         self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array
     ) -> Columns:
-        """Return the columns that are reported of a log: by name, an array (R,) for R rows.
+        """Return the columns of a log in the results of a sweep: by name, an array (R,) for R
+        recorded rows.
 
         **Arguments:**
 
         - `name`: name of the log.
-        - `example`: a record of this log. Only its structure and shapes are used.
+        - `example`: a record of this log, of which only the structure and the shapes are used.
         - `task`: the lane that wrote the rows.
         - `rows`: (R, n) recorded rows; each is a record as a flat array of its n numbers.
         """

@@ -1,7 +1,9 @@
 """Loop over lanes compiled by XLA, for accelerators and for CPUs without native code.
 
-All programs compute a fixed number of lanes, so that the rounding in a lane does not depend on the
-number of other lanes.
+A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane tries one
+step. All programs compute a fixed number of lanes, so that the rounding in a lane does not depend
+on the number of other lanes. Between two calls of the loop, the data of lanes are in memory that is
+divided into cells of 8 bytes, one column of cells for each lane.
 """
 
 from collections.abc import Callable
@@ -20,11 +22,11 @@ from ...native.lanes import AbstractLaneLoop, Columns
 from ...native.lowering import Region
 
 ON_CPU, ON_ACCELERATOR = 64, 4096
-"""Number of lanes side by side in one program."""
+"""Number of lanes that one program computes side by side."""
 TURNS = 256
-"""Largest number of turns before a loop returns."""
+"""Largest number of turns after which a loop returns to Python."""
 WAITING = 8
-"""A loop returns to Python when at least one in `WAITING` of its lanes can't go on without it."""
+"""A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python."""
 
 
 def width() -> int:
@@ -35,10 +37,13 @@ def width() -> int:
 class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
-    **Arguments:** `turn(shared, own, state)` returns the state of a lane after a turn;
-    `status(shared, own, state)` returns scalars by name, among them "goes", which is false if the
-    lane waits for Python. `shared`, `own`, `state`: examples of the data of all lanes, the data of
-    one lane, and the state of one lane, as PyTrees of arrays.
+    **Arguments:**
+
+    - `turn`: function (shared, own, state) that returns the state of a lane after a turn.
+    - `status`: function (shared, own, state) that returns scalars by name, among them "goes", which
+      is false if the lane waits for Python.
+    - `shared`, `own`, `state`: examples of the data of all lanes, the data of one lane, and the
+      state of one lane, as PyTrees of arrays.
     """
 
     def __init__(
@@ -61,14 +66,15 @@ class XlaLaneLoop(AbstractLaneLoop):
         }
 
     def columns(self, shared: PyTree) -> Columns:
-        """Return the memory for a group of lanes, with all columns empty."""
+        """Return memory for the data of a group of lanes, in which all columns are empty."""
         del shared  # which is the same in all calls
         return Columns(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Columns) -> int:
-        """Take turns until some lanes wait for Python, at most `TURNS`; return their number.
+        """Take turns until some lanes wait for Python, at most `TURNS`, and return their number.
 
-        The states and the status of all lanes are updated in `columns`.
+        **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
+        updated.
         """
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
@@ -80,7 +86,8 @@ class XlaLaneLoop(AbstractLaneLoop):
         except jax.errors.JaxRuntimeError:
             if turns is _TURNS:
                 raise
-            # Some operations, scatters and calls of LAPACK, cannot be part of one function.
+            # Some operations, such as scatters and calls of LAPACK, cannot be part of one native
+            # function, so the loop is compiled in XLA's usual way.
             self._turns = _TURNS
             count, state, status = _TURNS(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
@@ -90,10 +97,11 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 
 class XlaFunction:
-    """A function of the data of lanes, compiled by XLA, which maps cells to cells.
+    """A function of the data of lanes, compiled by XLA, whose arguments and results are in cells of
+    8 bytes.
 
-    **Arguments:** `function(shared, *trees)` is computed for one lane; `shared`: data that all
-    lanes share; `examples`: examples of the `trees`, for their structures and shapes.
+    **Arguments:** `function`: function (shared, *trees), to be computed for each lane; `shared`:
+    data that all lanes share; `examples`: examples of the `trees`, for their structures and shapes.
 
     `results`: layout of the cells of a result.
     """
@@ -105,9 +113,10 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the cells of n results, (n, results.size).
+        """Return the results for n lanes, (n, results.size), in cells.
 
-        **Arguments:** `rows`: (n, cells), for each lane the cells of all trees in turn.
+        **Arguments:** `rows`: (n, cells), for each lane the cells of all its arguments, one after
+        the other.
         """
         found, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
@@ -121,7 +130,7 @@ class XlaFunction:
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """Return a PyTree in which arrays of zeros replace the leaves of type `ShapeDtypeStruct`."""
+    """Return a PyTree with arrays of zeros in place of its leaves of type `ShapeDtypeStruct`."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )
@@ -136,9 +145,9 @@ def _turns(
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
     """Take turns of all lanes until some wait for Python.
 
-    **Arguments:** `functions`: those for a turn and for the status of one lane; `own`, `state`:
-    data and states of the lanes, with their number n in front; `occupied`: (n,), whether each
-    column has a lane.
+    **Arguments:** `functions`: those for a turn and for the status of one lane; `shared`: data of
+    all lanes; `own`, `state`: data and states of n lanes, whose leaves have an additional first
+    axis of length n; `occupied`: (n,), whether there is a lane in each column.
 
     **Returns:** the number of turns, and the states and status of all lanes after them.
     """

@@ -2,15 +2,16 @@
 
 Find impulses x (N s) between bounds, for which the velocities y = W x + q (m/s) satisfy y >= 0
 where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. W is
-symmetric and positive semidefinite. The solution is the minimum of the energy x W x/2 + q x, in J.
+symmetric and positive semidefinite. Each row of the problem is one direction of a contact. The
+solution is the minimum of the energy x W x/2 + q x, in J, between the bounds.
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
-bounds. Newton steps then minimise the energy over the other rows; each ends where a row meets a
-bound. Neither part raises the energy, so the iteration cannot cycle. It ends with an exact
+bounds. Newton steps then minimise the energy over the other rows; each Newton step ends where a row
+meets a bound. Neither part raises the energy, so the iteration cannot cycle. It ends with an exact
 solution, mostly after one or two iterations, also for two bases close together, where Gauss-Seidel
-alone takes thousands of sweeps, and for dependent rows, such as the axial slips of a journal's
-bases.
+alone takes thousands of sweeps, and for linearly dependent rows, such as the axial slips of the two
+bases of a journal.
 """
 
 from collections.abc import Sequence
@@ -25,17 +26,17 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""Relative residual at which the iteration ends; it takes at most `ITERATIONS` iterations."""
+"""The iteration ends at this relative residual, or after `ITERATIONS` iterations."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
 
 
 class BoxProblem:
-    """A problem of n rows: the matrix W, and bounds of the impulses.
+    """A complementarity problem of n rows, with the matrix W and bounds of the impulses.
 
     **Arguments:** `matrix`: lower triangle of W, row i with i + 1 numbers, 1/kg; `lower`, `upper`:
-    n numbers, N s, which may be infinite.
+    n bounds of the impulses, N s, which may be infinite.
 
     A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
     diagonal element that is zero, as of a contact without a normal, counts as 1.
@@ -53,12 +54,12 @@ class BoxProblem:
         ]
 
     def solve(self, start: Sequence[Scalar]) -> tuple[Impulses, Scalar]:
-        """Return the impulses x, and the residual of the conditions.
+        """Return the impulses that solve the problem, and how well they solve it.
 
         **Arguments:** `start`: the n velocities q without impulses, m/s.
 
-        **Returns:** n impulses in N s, and the largest violation of a condition, relative to the
-        largest magnitude of q among rows that are not fixed.
+        **Returns:** n impulses x, N s, and the residual: the largest violation of a condition,
+        relative to the largest magnitude of q among rows that are not fixed.
         """
         scale = self._scale(start)
 
@@ -95,17 +96,21 @@ class BoxProblem:
         return jnp.clip(x - velocity / self._diagonal[i], self._lower[i], self._upper[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses x after one sweep of projected Gauss-Seidel over all rows."""
+        """Return the impulses x after one sweep of projected Gauss-Seidel over all rows, for the
+        velocities `start` without impulses, m/s."""
         swept = list(x)
         for i in range(len(swept)):
             swept[i] = self._clipped(i, swept[i], add(inner(self._row(i), swept), start[i]))
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses after Newton steps, which minimise the energy over the free rows.
+        """Return the impulses after Newton steps from x, which minimise the energy over the free
+        rows.
 
         A row is free unless its impulse is at a bound and its velocity has the sign that the
         conditions demand there.
+
+        **Arguments:** `x`: impulses, N s; `start`: velocities without impulses, m/s.
         """
         velocities = self._velocities(x, start)
         free: list[Condition] = [
@@ -147,9 +152,10 @@ class BoxProblem:
     def _to_least(
         self, x: Impulses, free: Sequence[Condition], start: Sequence[Scalar]
     ) -> Impulses:
-        """Return the change of the impulses, N s, after which free rows have zero velocity.
-
+        """Return the change of the impulses x, N s, after which the `free` rows have zero velocity.
         The change of the other rows is zero.
+
+        **Arguments:** `start`: velocities without impulses, m/s.
         """
         velocities = self._velocities(x, start)
         matrix = [
@@ -161,7 +167,8 @@ class BoxProblem:
         )
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return for each row the share of its change that its bounds allow, 0 to 1."""
+        """Return for each row which part, 0 to 1, of the `change` of its impulse x its bounds
+        allow."""
         shares: list[Scalar] = []
         for a, d, lower, upper in zip(x, change, self._lower, self._upper, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)

@@ -6,9 +6,11 @@ satisfy U+ + e U- >= 0, P >= 0, and at least one of the two is zero. Across the 
 law of friction holds, with a pyramid of two directions in place of the cone. The first direction is
 along the slip, so that the pyramid is exact in planar motion.
 
-Velocities depend linearly on impulses by Delassus' matrix. Normal and tangential impulses are
-solved alternately, each for the latest values of the other (P. D. Panagiotopoulos, A nonlinear
-programming approach to the unilateral contact and friction boundary value problem, 1975).
+Velocities at the contacts depend linearly on the impulses; the matrix is Delassus' matrix. Its rows
+are directions of contacts: first the normals of all contacts, then the two tangential directions of
+each contact with friction. Normal and tangential impulses are computed alternately, each for the
+latest values of the other (P. D. Panagiotopoulos, A nonlinear programming approach to the
+unilateral contact and friction boundary value problem, 1975).
 """
 
 from collections.abc import Sequence
@@ -33,8 +35,8 @@ from .bounded_lcp import BoxProblem, Impulses, largest
 
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
-"""Relative residual at which the alternation between normal and tangential impulses ends, and
-largest number of its turns (`ALTERNATIONS`)."""
+"""The alternation between normal and tangential impulses ends at this relative residual, or after
+`ALTERNATIONS` turns."""
 FAST = 1e3
 """Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated."""
 
@@ -43,10 +45,11 @@ LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 
 
 class Alternation(NamedTuple):
-    """State after a turn of the alternation between normal and tangential impulses.
+    """State after one turn of the alternation between normal and tangential impulses.
 
     - `normal`, `tangential`: the impulses that the turn has found, N s.
-    - `residual`: their relative residual.
+    - `residual`: the largest violation of the contact conditions by these impulses, relative to the
+      largest velocity.
     - `turns`: number of turns so far.
     - `tried`: tangential impulses with which the next turn begins, N s.
     - `change`: tangential impulses less those with which this turn began, N s.
@@ -64,13 +67,13 @@ class Alternation(NamedTuple):
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact at given positions of the bodies.
+    """One contact, open or closed, at given positions of the bodies.
 
     - `joint`, `label`: name of the joint and label of the contact.
     - `gap`: m, negative if the surfaces overlap.
     - `clearance`: m, of the bearing; ``None`` without a bearing.
-    - `normal`: a row whose rate is the opening velocity, m/s.
-    - `slip`: two rows whose rates are slip velocities, m/s; empty without friction.
+    - `normal`: a `Row` whose rate is the opening velocity, m/s.
+    - `slip`: two `Row`s whose rates are the slip velocities, m/s; empty without friction.
     - `coefficient`: Coulomb's coefficient of friction.
     """
 
@@ -84,7 +87,8 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts of a scene's joints, open or closed, at the positions of `motions`."""
+    """Return all contacts of a scene's joints, open or closed, at the poses of the bodies in
+    `motions`."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -95,6 +99,8 @@ def touches(scene: Scene, motions: Motions) -> list[Touch]:
 def _touch(
     name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
 ) -> Touch:
+    """Return one contact of a joint, given its name and label, its geometry, and pose and
+    velocities of the bodies."""
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
@@ -126,7 +132,8 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the unit vector along the slip velocity, or a direction across the normal at rest."""
+    """Return the unit vector along the slip velocity, m/s; at zero slip, some direction across the
+    `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     rests = speed == 0.0
@@ -135,13 +142,14 @@ def _slip_direction(slip: Vector, normal: Vector) -> Vector:
 
 
 class ContactProblem:
-    """Changes of contact velocities by contact impulses (Delassus' matrix), with ideal joints kept.
+    """Changes of contact velocities by contact impulses, while the constraints of ideal joints
+    hold.
 
     **Arguments:** `mechanics`: masses and Jacobians of the system at the positions in the middle of
     the step; `contacts`: all contacts there; `t`: s, the middle of the step.
 
-    `rows`: the normal row of each contact, then the rows of slip of each contact. All lists of
-    velocities and impulses have this order.
+    `rows`: the directions of the contacts: the normal of each contact, then both slip directions of
+    each contact with friction. All lists of velocities and impulses have this order.
     """
 
     def __init__(
@@ -176,25 +184,20 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Return the velocities along all rows, m/s, for given motions of the bodies.
-
-        The list has the order of `rows`: first the opening velocity of each contact, then both
-        slip velocities of each contact that can have friction.
-        """
+        """Return the velocities along all `rows`, m/s, for given motions of the bodies."""
         return [row_rate(row, motions) for row in self.rows]
 
     def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
-        """Return the velocities along all rows, m/s, after impulses at the contacts.
+        """Return the velocities along all `rows`, m/s, after impulses at the contacts.
 
-        **Arguments:** `velocities`: m/s, along all rows before the impulses; `impulses`: N s, along
-        all rows. Both, and the result, are lists in the order of `velocities`: normal directions
-        first.
+        **Arguments:** `velocities`: m/s, before the impulses; `impulses`: N s. Both are lists in
+        the order of `rows`.
         """
         rows = range(len(self.rows))
         return self._with_impulses(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
-        """Return the change of the speeds by impulses at the contacts.
+        """Return the change of the speeds of the system's coordinates by impulses at the contacts.
 
         **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
         no impulse, so a list of the normal impulses alone is allowed.
@@ -207,10 +210,10 @@ class ContactProblem:
     def _with_impulses(
         self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
     ) -> list[Scalar]:
-        """Return the velocities along `rows`, m/s, after impulses along `columns`, N s.
+        """Return the velocities along some rows, m/s, after impulses along others, N s.
 
-        **Arguments:** `rows`, `columns`: numbers of rows; `velocities`: m/s, along `rows` before
-        the impulses; `impulses`: N s, along `columns`.
+        **Arguments:** `rows`: indices of the rows of the velocities; `columns`: indices of the rows
+        of the impulses; `velocities`: m/s, before the impulses; `impulses`: N s.
         """
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
@@ -223,12 +226,13 @@ class ContactProblem:
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Return impulses of the closed contacts in N s, and the relative residual.
+        """Return normal impulses of the closed contacts in N s, and the relative residual.
 
-        With the impulses, each closed contact opens at least with the smallest velocity allowed.
+        With these impulses, each closed contact opens at least with the smallest velocity that is
+        allowed.
 
-        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact the
-        opening velocity without impulses, less the smallest one allowed.
+        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
+        opening velocity without impulses, less the smallest one that is allowed.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
@@ -237,12 +241,14 @@ class ContactProblem:
     def impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Return impulses at the closed contacts along all rows in N s, and the relative residual.
+        """Return the impulses at the closed contacts along all `rows` in N s, and the relative
+        residual.
 
-        The residual is the largest violation over the largest velocity of a closed contact.
+        The residual is the largest violation of the contact conditions, over the largest velocity
+        of a closed contact.
 
         **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
-        the rows of slip without impulses.
+        the slip directions without impulses.
         """
         if not slips:
             return self.normal_impulses(closed, aims)
@@ -291,12 +297,11 @@ class ContactProblem:
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
-    """Return the factor by which to extrapolate a change of the tangential impulses (N s).
+    """Return the factor by which a change of the tangential impulses is extrapolated.
 
-    Aitken's method finds the factor from the changes in this turn and in the last turn.
-
-    See B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969. Without
-    extrapolation, bases that stick and share axial impulses need thousands of turns.
+    Aitken's method computes it from the `change` in this turn and from that in the `last` turn, N s
+    (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969). Without
+    extrapolation, two bases that both stick and share axial impulses need thousands of turns.
     """
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
@@ -306,5 +311,5 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    """Return the largest magnitude among the numbers whose condition in `live` is true."""
+    """Return the largest magnitude among those numbers whose condition in `live` is true."""
     return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])

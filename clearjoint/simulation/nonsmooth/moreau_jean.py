@@ -39,14 +39,15 @@ SOLVED = 1e-6
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts; `restitution[joint][contact]`: Newton's coefficients."""
+    """A system with rigid contacts. `restitution[joint][contact]` is Newton's coefficient of each
+    contact."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
 
 
 class ContactStep(eqx.Module):
-    """One contact in a step.
+    """One contact in one step.
 
     - `impulse`: N s, normal impulse, zero or positive.
     - `opening`: m/s, velocity before the step, positive if the contact opens.
@@ -61,10 +62,10 @@ class ContactStep(eqx.Module):
 
 
 class StepEnd(eqx.Module):
-    """Result of a step.
+    """Result of one step.
 
-    - `variables`: the variables of the motion at its end.
-    - `contacts[joint][contact]`: each contact in the step.
+    - `variables`: the variables of the motion at the end of the step.
+    - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest violation of the contact conditions, over the largest contact velocity.
     - `solved`: whether the residual is at most `SOLVED`.
     - `shallow`: whether no penetration exceeds the bearing's clearance.
@@ -78,10 +79,10 @@ class StepEnd(eqx.Module):
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
-    """Take one step.
+    """Take one step of length h, s, from the time t, s.
 
-    **Arguments:** `variables`: positions and speeds at the start; `t`: s, the start of the step,
-    at which drivers and loads already have their values behind a breakpoint; `h`: s, its length.
+    **Arguments:** `variables`: positions and speeds at t. If a driver or load has a breakpoint at
+    t, it already has the value that holds after the breakpoint.
     """
     # Motion without contact, from which the gaps in the middle of the step follow.
     middle_time = t + 0.5 * h
@@ -128,7 +129,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return the motion without contact forces in the step from t to t + h, s.
+    """Return the motion without contact forces in the step of length h from t, s, with the middle
+    at `middle_time`, s.
 
     **Returns:** two sets of variables, both with the positions in the middle of the step: the first
     with the speeds at the start of the step, the second with the speeds at its end.
@@ -149,11 +151,11 @@ def _arrived(
     middle_time: Scalar,
     h: Scalar,
 ) -> MotionVariables:
-    """Return the variables after a step.
+    """Return the variables at the end of a step.
 
     **Arguments:** `start`: variables before the step, of which the positions are used; `mean`:
     variables in the middle of the step, with the speeds at which the positions move; `last`:
-    variables with the speeds after the step; `h`: s, length of the step.
+    variables with the speeds after the step; `middle_time`: s; `h`: s, length of the step.
     """
     return rigid.system.with_speeds(
         _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
@@ -176,14 +178,16 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return additional speeds that move the positions so that contacts leave the wall.
+    """Return speeds that move the positions out of the wall, in addition to the speeds of the
+    motion.
 
-    Gaps are linearised in the displacement. Only positions move with these speeds.
+    Gaps are linearised in the displacement. Only positions move with these additional speeds.
 
     **Arguments:** `closed`: whether each contact is closed; `after`: m/s, opening velocities after
-    the impulses; `sinks`: m/s, velocities towards the wall that the forces add in the step; `h`: s.
+    the impulses; `sinks`: m/s, velocities towards the wall that the forces add in the step; `h`: s,
+    length of the step.
 
-    **Returns:** the additional speeds, and the relative residual of the problem for them.
+    **Returns:** the additional speeds, and the relative residual of the contact problem for them.
     """
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
@@ -203,10 +207,10 @@ def _contact_steps(
     before: Sequence[Scalar],
     after: Sequence[Scalar],
 ) -> dict[str, dict[str, ContactStep]]:
-    """Return the contacts of a step, steps[joint][label].
+    """Return each contact in a step, as steps[joint][label].
 
-    **Arguments:** `impulses`: N s; `before`, `after`: m/s, velocities before and after the step.
-    Each is a list in the order of `ContactProblem.rows`.
+    **Arguments:** `impulses`: N s; `before`, `after`: m/s, contact velocities before and after the
+    step. All three are lists in the order of `ContactProblem.rows`.
     """
     # Positions move with the mean velocity, so that its product with the impulse is the work.
     works = [
@@ -233,14 +237,16 @@ def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> Motion
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return the variables with positions + time * rates, Euler parameters normalised."""
+    """Return variables with the positions changed by `time` times the `rates`, and with Euler
+    parameters normalised."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return the variables with speeds + time * rates, and unchanged positions."""
+    """Return variables with the speeds changed by `time` times the `rates`, and with unchanged
+    positions."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
@@ -253,7 +259,7 @@ def _mean_speeds(
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
-    """Return start + time * rate for PyTrees of scalars, Euler parameters normalised."""
+    """Return start + time * rate for PyTrees of scalars, with Euler parameters normalised."""
 
     def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):

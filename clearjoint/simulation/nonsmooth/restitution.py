@@ -1,4 +1,5 @@
-"""Restitution of rigid contacts: one value for all, or the restitution that each law delivers."""
+"""Coefficients of restitution of rigid contacts: one value for all, or the one that each law
+delivers."""
 
 from ...fields.checks import require, require_range
 from ...math.vectors import Scalar
@@ -6,10 +7,11 @@ from ...model.scene import Scene
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
-    """Check that every contact has a restitution: the given number, or that of its contact law.
+    """Check that every contact has a coefficient of restitution: the given number, or that of its
+    law.
 
-    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a law without a
-    method `delivered_restitution`.
+    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
+    without a method `delivered_restitution`.
     """
     if restitution is not None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
@@ -26,9 +28,9 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
-    """Return Newton's coefficients of restitution, restitutions[joint][contact].
+    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact].
 
-    **Arguments:** `restitution`: the coefficient of every contact, or ``None`` for the coefficients
+    **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
     that the contact laws deliver.
     """
     return {

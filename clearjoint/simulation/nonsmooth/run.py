@@ -1,6 +1,6 @@
-"""A run with rigid contacts: equal steps from stop to stop, and totals of each contact.
+"""A run with rigid contacts, in equal steps from stop to stop, with totals of each contact.
 
-Stops are the start, the times to save at, and the end.
+The stops of a run are its start, the times to save at, and its end.
 """
 
 from dataclasses import replace
@@ -31,7 +31,8 @@ from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 
 DRIVER_TOLERANCE = 1e-5
-"""Relative tolerance between the change of a driver in a step and the integral of its rate."""
+"""Largest difference between the change of a driver (a prescribed motion) in a step and the
+integral of its rate, relative to its speed."""
 
 
 class RigidRun(eqx.Module):
@@ -39,7 +40,7 @@ class RigidRun(eqx.Module):
 
     - `t`: s; `variables`: the variables of the motion at t.
     - `touching[joint][contact]`: whether the contact had an impulse in the last step.
-    - `totals[joint][contact]`: sums and extremes since the start of the run.
+    - `totals[joint][contact]`: sums and extreme values since the start of the run.
     - `residual`: largest relative residual of the contact problem in any step.
     - `result`: the result code so far; `steps`: number of steps.
     """
@@ -54,7 +55,12 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop: bodies in packed form, totals of the contacts, and result code."""
+    """State of a run at a stop.
+
+    - `bodies`: states of the bodies, whose vectors are arrays (3,).
+    - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
+    - `result`: the result code so far.
+    """
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
@@ -62,9 +68,12 @@ class RigidStop(eqx.Module):
 
 
 class RigidOutcome(eqx.Module):
-    """The end of a run, its bodies then as arrays, and its S stops.
+    """The result of a run.
 
-    `stops`: all stops except the start; each array has a leading axis of length S - 1.
+    - `end`: the run at its end.
+    - `bodies`: states of the bodies at the end, whose vectors are arrays (3,).
+    - `stops`: all S stops except the start; each array has an additional first axis of length S -
+      1.
     """
 
     end: RigidRun
@@ -85,11 +94,11 @@ def run(
 
     **Arguments:**
 
-    - `state`: the initial state, in packed form.
+    - `state`: the initial state, whose vectors are arrays (3,).
     - `stops`: (S,) s, rising: the start, the times to save at, and the end.
     - `longest`: s, length of the longest step.
     - `restitution`: Newton's coefficient for every contact, or ``None`` for those of the laws.
-    - `admissible`: whether all numbers are within their ranges, otherwise the run ends at once;
+    - `admissible`: whether all numbers are within their ranges; if not, the run ends at once.
       ``None`` if the numbers have been checked.
     """
     system = System(unpack(folded_scene), formulation)
@@ -115,7 +124,7 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the times at which steps must end: stops and breakpoints together, rising, s.
+    """Return the times at which steps must end, s: stops and breakpoints together, rising.
 
     **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
     indices are ``None`` if there are no breakpoints.
@@ -131,9 +140,11 @@ def _with_breakpoints(
 
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
-    """Return the run at the time `stop`, s, with the velocities that drivers prescribe behind it.
+    """Return the run `now` at the time `stop`, with the velocities that drivers prescribe after it.
 
-    Velocities change only if a driver has a breakpoint at `stop`. `start`: s, the time before it.
+    Velocities change only if a driver has a breakpoint at `stop`.
+
+    **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
     """
     since = since_breakpoints(system, start, stop)
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
@@ -151,7 +162,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
-    """Run in equal steps, not longer than `longest`, from the time `start` to `stop`, all in s."""
+    """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
+    all in s."""
     # A factor below 1, or rounding of the span would add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -167,7 +179,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    """Return the run before its first step, at the time t, s, with totals of zero."""
+    """Return a run before its first step, at the time t, s, with totals of zero."""
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     nothing = ContactTotals(none, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
@@ -183,9 +195,9 @@ def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
 
 
 def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
-    """Return the run after a step of length h from time t, s.
+    """Return a run after a step of length h from time t, s.
 
-    If the step fails, the run stays as it was, with the result code of the failure.
+    If the step fails, the run stays as it was, and gets the result code of the failure.
     """
     end = advance(rigid, now.variables, t, h)
     # A product with zero is zero for finite numbers alone.
@@ -220,8 +232,8 @@ def _is_contact(tree: object) -> bool:
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
     """Return the totals of a contact after a step.
 
-    **Arguments:** `step`: the contact in this step; `touched`: whether it had an impulse in the
-    step before.
+    **Arguments:** `totals`: before the step; `step`: the contact in this step; `touched`: whether
+    it had an impulse in the step before.
     """
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)

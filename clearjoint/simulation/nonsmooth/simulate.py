@@ -1,4 +1,5 @@
-"""Simulation with rigid contacts, whose impacts have no duration."""
+"""Simulation with rigid contacts, whose impacts have no duration: the function
+`simulate_nonsmooth`."""
 
 import jax
 import jax.numpy as jnp
@@ -48,15 +49,17 @@ def simulate_nonsmooth(
 ) -> NonsmoothSolution:
     """Simulate a scene with rigid contacts in fixed steps, by the midpoint rule of Moreau and Jean.
 
-    A rigid contact penetrates by no more than its approach in half a step. After an impact it
-    separates with a restitution times the approach speed; the restitution is that which the contact
-    law delivers (its method `delivered_restitution`). It slides by Coulomb's law, with the
-    coefficient of the friction law at high slip. There are no stiffnesses, impact durations or peak
-    forces, so that a step may be far longer than a real impact. An impact happens in the middle of
-    its step, so that the time of an impact is known to half a step, and all states have order one.
+    A rigid contact has no stiffness, duration or peak force, so that a step may be far longer than
+    a real impact. After an impact, a contact separates with a restitution times its approach speed;
+    by default, the restitution is that which its contact law delivers (the method
+    `delivered_restitution`). It slides by Coulomb's law, with the coefficient of the friction law
+    at high slip. It penetrates by no more than its approach in half a step. The time of an impact
+    is known to half a step, because impacts happen in the middle of a step; therefore all states
+    have an error of order one.
 
-    A step ends at each breakpoint of a joint or force. Where a driver makes velocities jump, the
-    change of the velocities has the least kinetic energy, as in `simulate`.
+    A step ends at each breakpoint of a joint or force, a time at which it changes abruptly. Where a
+    driver makes velocities jump, the change of the velocities is the one of least kinetic energy,
+    as in `simulate`.
 
     The function works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But
     derivatives across impacts are not derivatives of the motion, since the step in which an impact
@@ -69,8 +72,8 @@ def simulate_nonsmooth(
     - `save`: the times at which to save the state; a step ends at each of them. Nothing else can be
       saved.
     - `step`: s, length of the longest step. Between two times to save at, steps are equal.
-    - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, instead of the
-      restitutions that the laws deliver.
+    - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, in place of the
+      restitutions that the contact laws deliver.
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
     - `redundant`: whether constraints depend on each other. By default this is determined from the
       initial state; under a transformation of JAX the default is ``False``.
@@ -79,8 +82,9 @@ def simulate_nonsmooth(
     **Returns:** a `NonsmoothSolution`.
 
     **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
-    restitution that it delivers; `SimulationError` for a run that fails: the contact problem of a
-    step was not solved, a penetration exceeds the bearing's clearance, or the state is not finite.
+    restitution that it delivers; `SimulationError` for a run that fails, because the contact
+    problem of a step was not solved, a penetration exceeds the bearing's clearance, or the state is
+    not finite.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -146,8 +150,8 @@ def _solution(
 ) -> NonsmoothSolution:
     """Return the solution of a run, with the states at the inner stops as saved states.
 
-    **Arguments:** `stops`: (S,) s, the start, the times to save at, and the end; `saves`: whether
-    times to save at were given.
+    **Arguments:** `run`: the result of the compiled program; `stops`: (S,) s, the start, the times
+    to save at, and the end; `saves`: whether times to save at were given.
     """
     saved, history, count = None, None, None
     if saves:
@@ -173,7 +177,7 @@ def _solution(
 
 
 def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    """Return the solution after a check of it.
+    """Return a solution unchanged, after warnings and errors that it gives rise to.
 
     **Warns:** of journals that have left their bearings. **Raises:** `SimulationError` if the run
     failed and `throw` is set.
