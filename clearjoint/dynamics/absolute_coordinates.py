@@ -5,11 +5,12 @@ spin of a body is its angular velocity in body axes, rad/s. The speeds are veloc
 all bodies; arguments and results of the type `Speeds` are lists with six numbers for each body.
 """
 
+from collections.abc import Callable
 from typing import TypeAlias
 
 from ..math.rotations import euler_parameter_rates, rotation_matrix, turned
 from ..math.vectors import ZERO, Matrix, Scalar, Vector
-from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
+from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Wrench
 from ..model.joints.base import Motions, Row
 from ..model.scene import Scene
 from .coordinates import (
@@ -52,18 +53,12 @@ class AbsoluteCoordinates(AbstractCoordinates):
         They are the states themselves, except that the position of a body with an `Anchor` is the
         vector, m, from the anchor's ground point to its body point.
         """
-        points = anchors(scene)
-
-        def encoded(name: str, body: BodyState) -> BodyState:
-            if name not in points:
-                return body
-            local, origin = points[name]
-            arm = rotation_matrix(body.orientation) @ local
-            return BodyState(
-                (body.position + arm) - origin, body.orientation, body.velocity, body.spin
-            )
-
-        return {name: encoded(name, body) for name, body in bodies.items()}
+        variables = dict(bodies)
+        for name, (local, origin) in anchors(scene).items():
+            body = bodies[name]
+            position = (body.position + rotation_matrix(body.orientation) @ local) - origin
+            variables[name] = BodyState(position, body.orientation, body.velocity, body.spin)
+        return variables
 
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
         """Return the states of the bodies, by name, in which all positions are those of the centres
@@ -81,7 +76,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {GROUND: GROUND_MOTION, **free}
 
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
-        """Return the equations of motion of the bodies (eq. 29)."""
+        """Return the equations of motion of all bodies (eq. 29) at the instant that the variables
+        describe."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
@@ -106,7 +102,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
         self._scene, self._variables, self.motions = scene, variables, motions
-        self._inverses = {name: InverseMass(body) for name, body in scene.bodies.items()}
+        self._inverses = {name: _inverse_mass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates of the speeds, six for each body, under wrenches, gyroscopic moments and
@@ -114,8 +110,10 @@ class AbsoluteMechanics(AbstractMechanics):
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
-            load = wrenches[name] + _gyroscopic(body, self.motions[name])
-            acceleration = self._inverses[name](load)
+            spin = self.motions[name].spin
+            gyroscopic = Wrench(ZERO, body.angular_momentum(spin).cross(spin))
+            load = wrenches[name] + gyroscopic
+            acceleration = self._inverses[name](load.force, load.moment)
             rates += [*(acceleration.linear + fall), *acceleration.angular]
         return rates
 
@@ -130,7 +128,7 @@ class AbsoluteMechanics(AbstractMechanics):
         over mass, m/s^2, and inverse inertia times moment, rad/s^2."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
-            acceleration = self._inverses[name](Wrench(load.linear, load.angular))
+            acceleration = self._inverses[name](load.linear, load.angular)
             rates += [*acceleration.linear, *acceleration.angular]
         return rates
 
@@ -152,12 +150,10 @@ class AbsoluteMechanics(AbstractMechanics):
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
             body, anchor = self._variables[name], self.motions[name].anchor
-            variable_rates[name] = BodyState(
-                body.velocity if anchor is None else anchor.velocity,
-                euler_parameter_rates(body.orientation, body.spin),
-                acceleration.linear,
-                acceleration.angular,
-            )
+            velocity = body.velocity if anchor is None else anchor.velocity
+            orientation = euler_parameter_rates(body.orientation, body.spin)
+            rate = BodyState(velocity, orientation, acceleration.linear, acceleration.angular)
+            variable_rates[name] = rate
         return variable_rates
 
     def after_displacement(self, changes: Speeds) -> Bodies:
@@ -196,30 +192,14 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
     }
 
 
-class InverseMass:
-    """Function that maps a wrench on a free body to the body's acceleration, without gyroscopic
-    terms."""
-
-    def __init__(self, body: Body):
-        self._inverse = 1.0 / body.mass
-        self._tensor: Matrix | None = None
-        if isinstance(body.inertia, Matrix):
-            self._tensor = body.inertia.inverse()
-        else:
-            moments = body.inertia
-            self._principal = Vector(1.0 / moments.x, 1.0 / moments.y, 1.0 / moments.z)
-
-    def __call__(self, wrench: Wrench) -> BodyAcceleration:
-        """Return the acceleration of the centre of mass, m/s^2 in global axes, and the rate of the
-        spin, rad/s^2 in body axes, that a wrench causes."""
-        if self._tensor is not None:
-            angular = self._tensor @ wrench.moment
-        else:
-            angular = wrench.moment.componentwise_product(self._principal)
-        return BodyAcceleration(wrench.force * self._inverse, angular)
-
-
-def _gyroscopic(body: Body, motion: Motion) -> Wrench:
-    """Return the gyroscopic moment on a body that rotates freely, N m, in body axes, as a wrench
-    without a force."""
-    return Wrench(ZERO, body.angular_momentum(motion.spin).cross(motion.spin))
+def _inverse_mass(body: Body) -> Callable[[Vector, Vector], BodyAcceleration]:
+    """Return the function that maps a force, N, and a moment, N m, on a free body to the body's
+    acceleration, without gyroscopic terms."""
+    inverse, inertia = 1.0 / body.mass, body.inertia
+    if isinstance(inertia, Matrix):
+        tensor = inertia.inverse()
+        return lambda force, moment: BodyAcceleration(force * inverse, tensor @ moment)
+    principal = Vector(1.0 / inertia.x, 1.0 / inertia.y, 1.0 / inertia.z)
+    return lambda force, moment: BodyAcceleration(
+        force * inverse, moment.componentwise_product(principal)
+    )

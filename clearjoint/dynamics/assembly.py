@@ -48,41 +48,23 @@ def check_names(scene: Scene, state: State) -> None:
 
     **Raises:** `ValueError` that names the argument and a remedy.
     """
-    require(
-        isinstance(scene, Scene),
-        "scene",
-        type(scene).__name__,
-        "a Scene",
-        "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()",
-    )
-    require(
-        isinstance(state, State),
-        "state",
-        type(state).__name__,
-        "a State",
-        "pass State({name: body_state(...)})",
-    )
-    require(
-        set(state.bodies) == set(scene.bodies),
-        "state",
-        sorted(state.bodies),
-        f"of the scene's bodies {sorted(scene.bodies)}",
-        "give each body of the scene one state, under the same name",
-    )
+    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
+    require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
+    remedy = "pass State({name: body_state(...)})"
+    require(isinstance(state, State), "state", type(state).__name__, "a State", remedy)
+    same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
+    remedy = "give each body of the scene one state, under the same name"
+    require(same, "state", sorted(state.bodies), f"of the scene's bodies {expected}", remedy)
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
             require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
         if (known := checkable(body.orientation)) is not None:
             (parameters,) = known
-            norm = (parameters**2).sum() ** 0.5
-            require(
-                # The margin is wide: the norm drifts in a run, and rotations don't depend on it.
-                (norm > 0.9) & (norm < 1.1),
-                f"state.bodies[{name!r}].orientation",
-                parameters,
-                "Euler parameters of about unit norm, scalar part first",
-                "make states with body_state(...), which checks them",
-            )
+            norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
+            # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
+            fine, expected = (norm > 0.9) & (norm < 1.1), "Euler parameters of about unit norm"
+            remedy = "make states with body_state(...), which checks them"
+            require(fine, argument, parameters, f"{expected}, scalar part first", remedy)
     for part in ("entry_speeds", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
@@ -201,14 +183,12 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 
     **Raises:** `ValueError` if there are any.
     """
-    require(
-        not uncertain,
-        "state",
-        list(uncertain),
-        "without constraints that nearly depend on the others",
+    expected = "without constraints that nearly depend on the others"
+    remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "
-        "more than 1e-5; leave out redundant joints; or start farther from a singular position",
+        "more than 1e-5; leave out redundant joints; or start farther from a singular position"
     )
+    require(not uncertain, "state", list(uncertain), expected, remedy)
 
 
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
@@ -225,14 +205,13 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
         given, found = (np.asarray(b.orientation) for b in (body, represented[name]))
         # Euler parameters of opposite sign are the same orientation.
         apart = min(np.abs(given - found).max(), np.abs(given + found).max())
-        require(
-            bool(apart < REPRESENTED),
-            f"state.bodies[{name!r}].orientation",
-            given,
-            f"one that the coordinates can represent, here {found.tolist()}",
+        expected = f"one that the coordinates can represent, here {found.tolist()}"
+        remedy = (
             "reverse one of the axes of the joint that carries the body, or pass "
-            "coordinates=AbsoluteCoordinates()",
+            "coordinates=AbsoluteCoordinates()"
         )
+        argument = f"state.bodies[{name!r}].orientation"
+        require(bool(apart < REPRESENTED), argument, given, expected, remedy)
 
 
 @cached_by_numbers
@@ -252,13 +231,9 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 
     **Raises:** `ValueError` if not.
     """
-    require(
-        bool(jax.tree.leaves(variables)),
-        "coordinates",
-        type(coordinates).__name__,
-        "such that a degree of freedom is left",
-        "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure",
-    )
+    moves, kind = bool(jax.tree.leaves(variables)), type(coordinates).__name__
+    remedy = "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure"
+    require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
 @HostFirst
@@ -289,18 +264,14 @@ def _require_satisfied(
     if residuals.size == 0:
         return
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
-    remedy = (
-        "call assemble(scene, state) first"
-        if quality == "consistent"
-        else "start from a better guess, or check the joints' points and axes against each other"
-    )
-    require(
-        bool(np.abs(residuals[worst]) <= tolerance),
-        "state",
-        float(residuals[worst]),
-        f"{quality} in its {part} (residual of constraint {names[worst]!r} at most {tolerance:g})",
-        remedy,
-    )
+    limit = f"residual of constraint {names[worst]!r} at most {tolerance:g}"
+    remedy = "call assemble(scene, state) first"
+    if quality == "assembled":
+        remedy = (
+            "start from a better guess, or check the joints' points and axes against each other"
+        )
+    residual, expected = float(residuals[worst]), f"{quality} in its {part} ({limit})"
+    require(bool(np.abs(residual) <= tolerance), "state", residual, expected, remedy)
 
 
 @partial(Native, warns=False)

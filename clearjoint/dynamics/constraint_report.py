@@ -4,7 +4,6 @@ Each ideal joint contributes some rows: scalar constraint equations Phi = 0 with
 is redundant if it depends linearly on other rows.
 """
 
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -72,9 +71,13 @@ def constraint_report(
 
     **Arguments:**
 
+    - `scene`, `state`: the mechanism, and positions and velocities of its bodies.
     - `t`: s, time at which constraints that depend on time are evaluated.
-    - `coordinates`: if given, redundancy is determined among the rows that these coordinates do not
-      eliminate; by default among all rows. A row is redundant if it depends on rows before it.
+    - `coordinates`: if given, redundancy is determined among the constraint equations that these
+      coordinates do not eliminate; by default among all of them. An equation is redundant if it
+      depends linearly on equations before it.
+
+    **Returns:** a `ConstraintReport`.
 
     >>> report = cj.constraint_report(*cj.mechanisms.bricard())
     >>> report.degrees_of_freedom(), len(report.redundant)
@@ -139,14 +142,8 @@ def start_rows(
         as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
         for name, row in remaining.items()
     ]
-    return StartRows(
-        _stacked(values),
-        _stacked(rates),
-        _stacked(list(jacobian.values())),
-        tuple(rows),
-        tuple(remaining),
-        _stacked(left),
-    )
+    arrays = [_stacked(part) for part in (values, rates, [*jacobian.values()])]
+    return StartRows(*arrays, tuple(rows), tuple(remaining), _stacked(left))
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:
@@ -196,23 +193,18 @@ def start_rows_of_lanes(
     per_lane = [
         _start_rows_by_numpy(
             *jax.tree.unflatten(
-                structure,
-                [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)],
+                structure, [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)]
             )
         )
         for k in range(1 if alike else count)
     ]
 
-    def stacked(parts: Iterable[np.ndarray]) -> np.ndarray:
-        array = np.stack(list(parts))
+    def stacked(field: str) -> np.ndarray:
+        array = np.stack([getattr(rows, field) for rows in per_lane])
         return np.broadcast_to(array, (count, *array.shape[1:]))
 
-    return per_lane[0]._replace(
-        values=stacked(rows.values for rows in per_lane),
-        rates=stacked(rows.rates for rows in per_lane),
-        jacobian=stacked(rows.jacobian for rows in per_lane),
-        left=stacked(rows.left for rows in per_lane),
-    )
+    arrays = {name: stacked(name) for name in ("values", "rates", "jacobian", "left")}
+    return per_lane[0]._replace(**arrays)
 
 
 def dependent(

@@ -103,16 +103,10 @@ def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
 
     def entry_speed(name: str, label: str) -> Scalar:
         gap = start[name][label]
-        present = jnp.where(_at_the_wall(gap), _entry_speed(gap.rate), UNKNOWN_ENTRY_SPEED)
+        present = jnp.where(_at_the_wall(gap), jnp.maximum(gap.rate, SLOWEST), UNKNOWN_ENTRY_SPEED)
         return jnp.where(gap.depth > 0.0, present, 0.0)
 
     return _for_each_entry_speed(scene, entry_speed)
-
-
-def _entry_speed(rate: Scalar) -> Scalar:
-    """Return the entry speed, m/s, of a contact that begins with a given penetration rate; it is at
-    least `SLOWEST`."""
-    return jnp.maximum(rate, SLOWEST)
 
 
 def _at_the_wall(gap: ContactGap) -> Condition:
@@ -224,7 +218,7 @@ def updated_entry_speeds(
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
         # If a contact hardly touches the wall, the correction may exceed the rate.
-        entry = jnp.where(entry > 0.0, entry, _entry_speed(end.rate))
+        entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, SLOWEST))
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
 
     return _for_each_entry_speed(scene, update)

@@ -17,11 +17,7 @@ from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.bristles import AbstractBristleFriction
 from ..model.contact.gap import Gap
-from ..model.contact.laws import (
-    UNKNOWN_ENTRY_SPEED,
-    AbstractContactLaw,
-    contact_normal_force,
-)
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 
@@ -87,16 +83,8 @@ def contact_forces(
             if is_closed is not None and entry_speed is not None:
                 # The present rate cannot stand in for it: it differs between the stages of a step.
                 entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
-            forces[name][label] = contact_force(
-                joint,
-                label,
-                laws[label],
-                contact,
-                entry_speed,
-                is_closed,
-                motions,
-                bristles.get(name, {}),
-            )
+            given = contact, entry_speed, is_closed, motions, bristles.get(name, {})
+            forces[name][label] = contact_force(joint, label, laws[label], *given)
     return forces
 
 
@@ -172,7 +160,7 @@ def contact_force(
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
-        rate = _where(exists, to_first.components(rate))
+        rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
         return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
@@ -225,7 +213,3 @@ def _bristle_friction(
     # component along it. Friction acts in the tangent plane only.
     across = ratio - contact.normal * ratio.dot(contact.normal)
     return across * -normal_force, rate
-
-
-def _where(condition: Condition, vector: Vector) -> Vector:
-    return Vector(*(jnp.where(condition, part, 0.0) for part in vector))

@@ -25,6 +25,7 @@ from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabe
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
+from .coordinates import free_motion
 from .formulation import Formulation, Unstabilised
 from .system import System
 
@@ -86,13 +87,10 @@ def resting_joints(
         first, second = joints[name].pair()
         load = np.asarray(loads[name])
         joint = joints[name].resting_joint(load)
-        require(
-            joint is not None,
-            "resting",
-            name,
-            f"a joint in which {second!r} is pressed against {first!r} across the axis",
-            f"the load there is {load.tolist()} N; give the scene its gravity, or leave it out",
-        )
+        expected = f"a joint in which {second!r} is pressed against {first!r} across the axis"
+        load_there = f"the load there is {load.tolist()} N"
+        remedy = f"{load_there}; give the scene its gravity, or leave it out"
+        require(joint is not None, "resting", name, expected, remedy)
         assert joint is not None
         resting[name] = joint
     return resting
@@ -121,21 +119,12 @@ def require_in_bearings(scene: Scene, state: State) -> None:
         label = max(limits, key=lambda label: joint_depths[label] / limits[label])
         depth, limit = joint_depths[label], limits[label]
         where = f"contact {label!r} of joint {name!r}"
-        require(
-            depth <= limit,
-            "state",
-            depth,
-            f"one with its journals in their bearings ({where} at most {limit:g} m deep)",
-            "call assemble(scene, state) first",
-        )
-        caution_unless(
-            depth <= FAR_OUTSIDE * limit,
-            "state",
-            depth,
-            f"m deep in the wall at {where}",
-            f"at most {FAR_OUTSIDE * limit:g} m",
-            "call assemble(scene, state), which puts the journal into its bearing",
-        )
+        expected = f"one with its journals in their bearings ({where} at most {limit:g} m deep)"
+        require(depth <= limit, "state", depth, expected, "call assemble(scene, state) first")
+        usual = FAR_OUTSIDE * limit
+        remedy = "call assemble(scene, state), which puts the journal into its bearing"
+        meaning, expected = f"m deep in the wall at {where}", f"at most {usual:g} m"
+        caution_unless(depth <= usual, "state", depth, meaning, expected, remedy)
 
 
 def warn_of_journals_outside(
@@ -191,10 +180,8 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
     **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
     is three separate scalars.
     """
-    motions = {GROUND: GROUND_MOTION}
-    for name, body in bodies.items():
-        rotation = rotation_matrix(body.orientation)
-        motions[name] = Motion(body.position, rotation, body.velocity, body.spin)
+    free = {name: free_motion(body, None) for name, body in bodies.items()}
+    motions = {GROUND: GROUND_MOTION, **free}
     excesses = [joint.slid_out(motions) for joint in scene.contact_joints().values()]
     beyond = [jnp.asarray(excess > 0.0) for excess in excesses if excess is not None]
     return reduce(jnp.logical_or, beyond, jnp.asarray(False))

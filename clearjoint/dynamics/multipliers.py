@@ -44,48 +44,24 @@ def response(
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
         return [0.0] * len(directions[0]), multipliers
+    # `weighted` are the rows of D M^-1.
     rows = [solver.significant(directions[k]) for k in kept]
     aims = [targets[k] for k in kept]
     weighted = [mechanics.solved(row) for row in rows]
-    solve = _dense_response if len(rows) > LARGEST_UNROLLED else _unrolled_response
-    change, nonzero = solve(rows, weighted, aims, solver)
+    change: Speeds = [0.0] * len(directions[0])
+    if len(rows) > LARGEST_UNROLLED:
+        jacobian, inverse = (jnp.stack([*map(as_array, part)]) for part in (rows, weighted))
+        solution = solver.dense(jacobian @ inverse.T, as_array(aims))
+        change, nonzero = list(solution @ inverse), list(solution)
+    else:
+        # The lower triangle of D M^-1 D^T, which is symmetric.
+        schur = [[inner(row, other) for other in weighted[: i + 1]] for i, row in enumerate(rows)]
+        nonzero = solver.unrolled(schur, aims)
+        for part, multiplier in zip(weighted, nonzero, strict=True):
+            change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
     for k, multiplier in zip(kept, nonzero, strict=True):
         multipliers[k] = multiplier
     return change, multipliers
-
-
-def _unrolled_response(
-    directions: Sequence[Speeds],
-    weighted: Sequence[Speeds],
-    targets: Sequence[Scalar],
-    solver: AbstractSolver,
-) -> tuple[Speeds, list[Scalar]]:
-    """Compute the result of `response` in scalar arithmetic. `weighted` are the rows of D M^-1."""
-    # The lower triangle of D M^-1 D^T, which is symmetric.
-    schur = [
-        [inner(row, column) for column in weighted[: i + 1]] for i, row in enumerate(directions)
-    ]
-    multipliers = solver.unrolled(schur, targets)
-    change: Speeds = [0.0] * len(directions[0])
-    for part, multiplier in zip(weighted, multipliers, strict=True):
-        change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
-    return change, multipliers
-
-
-def _dense_response(
-    directions: Sequence[Speeds],
-    weighted: Sequence[Speeds],
-    targets: Sequence[Scalar],
-    solver: AbstractSolver,
-) -> tuple[Speeds, list[Scalar]]:
-    """Compute the result of `response` in arrays, for more than `LARGEST_UNROLLED` rows. `weighted`
-    are the rows of D M^-1."""
-    jacobian, inverse = (
-        jnp.stack([as_array(row) for row in rows]) for rows in (directions, weighted)
-    )
-    multipliers = solver.dense(jacobian @ inverse.T, as_array(targets))
-    change = multipliers @ inverse
-    return list(change), list(multipliers)
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:

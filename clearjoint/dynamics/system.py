@@ -28,13 +28,7 @@ from .contact_forces import (
 )
 from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
-from .equations_of_motion import (
-    Dynamics,
-    applied_wrenches,
-    constraint_rows,
-    flattened,
-    solved,
-)
+from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
 from .formulation import Formulation
 from .grouping.condensing import whole
 from .grouping.coordinates import grouped
@@ -156,10 +150,7 @@ class System(eqx.Module):
         return self._solved(self.mechanics(variables), forces, t)
 
     def _solved(
-        self,
-        mechanics: AbstractMechanics,
-        forces: ByLabel[LoadedContact],
-        t: Scalar,
+        self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates = mechanics.free_rates(wrenches)

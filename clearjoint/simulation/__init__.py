@@ -1,2 +1,4 @@
-"""Integration in time: steps that land on events, what is recorded of them, derivatives beside the
-state, and the functions that users call for one run. What runs many is in `clearjoint.sweeps`."""
+"""Integration in time: steps, complete runs, the lanes of sweeps, reductions and results.
+
+`clearjoint.sweeps` plans and stores sweeps, which consist of many runs.
+"""

@@ -74,7 +74,7 @@ def common_values(
     plan = Plan(
         scheme,
         {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)},
-        {name: section.condition for name, section in sections.items()},
+        {name: section.state_recorder for name, section in sections.items()},
         bool(saved),
         np.asarray(max_steps),
         {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},

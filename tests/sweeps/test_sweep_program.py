@@ -28,7 +28,7 @@ def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     plan = Plan(
         Scheme.of(settings),
         {n: o for n, o in outputs.items() if isinstance(o, cj.extend.AbstractReduction)},
-        {n: o.condition for n, o in recorded.items() if isinstance(o, cj.Section)},
+        {n: o.state_recorder for n, o in recorded.items() if isinstance(o, cj.Section)},
         any(isinstance(o, cj.Saved) for o in recorded.values()),
         np.asarray(1000),
         {n: ImpactRecorder(o.joint) for n, o in outputs.items() if isinstance(o, cj.ImpactTable)},

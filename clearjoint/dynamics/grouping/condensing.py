@@ -14,7 +14,7 @@ names and structure alone. A scene in which groups replace the single elements i
 
 import copy
 import dataclasses
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
 import equinox as eqx
@@ -52,18 +52,18 @@ def condensed(scene: Scene) -> Scene:
     }
     # Bodies are grouped first, since joints can share a group only if their bodies do.
     group_of = {member: group for group in bodies for member in group.members}
-    structures = {
-        name: _joint_structure(contacts[name], group_of) for name in _by_bodies(contacts, order)
-    }
+
+    def bodies_of(name: str) -> list[int]:
+        return sorted((order.get(body, -1) for body in contacts[name].pair()), reverse=True)
+
+    in_order = sorted(contacts, key=bodies_of)
+    structures = {name: _joint_structure(contacts[name], group_of) for name in in_order}
     joints = {
         GroupName(names): _joint_group([contacts[name] for name in names])
         for names in _groups_of(structures)
     }
-    return eqx.tree_at(
-        lambda s: (s.bodies, s.joints),
-        scene,
-        (_with_groups(scene.bodies, bodies), _with_groups(scene.joints, joints)),
-    )
+    parts = _with_groups(scene.bodies, bodies), _with_groups(scene.joints, joints)
+    return eqx.tree_at(lambda s: (s.bodies, s.joints), scene, parts)
 
 
 def whole(scene: Scene) -> Scene:
@@ -221,14 +221,3 @@ def _order(scene: Scene) -> dict[str, int]:
             indices[name] = len(indices)
             waiting += reversed(neighbours[name])
     return {name: index for name, index in indices.items() if name != GROUND}
-
-
-def _by_bodies(
-    joints: Mapping[str, AbstractContactJoint], order: Mapping[str, int]
-) -> Iterable[str]:
-    """Return the names of the joints, sorted by the indices of their bodies in `order`."""
-
-    def key(name: str) -> tuple[int, ...]:
-        return tuple(sorted((order.get(body, -1) for body in joints[name].pair()), reverse=True))
-
-    return sorted(joints, key=key)

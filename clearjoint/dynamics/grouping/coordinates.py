@@ -16,7 +16,7 @@ import numpy as np
 
 from ...math.groups import GroupName, by_group, by_name, element, is_structural, sum_
 from ...math.vectors import Scalar
-from ...model.bodies import NO_WRENCH, BodyState, Motion, Wrench
+from ...model.bodies import NO_WRENCH, BodyState, Motion
 from ...model.joints.base import Motions, Row
 from ...model.scene import Scene
 from ..absolute_coordinates import AbsoluteCoordinates, AbsoluteMechanics
@@ -75,7 +75,8 @@ class GroupedCoordinates(AbstractCoordinates):
         return GroupedMechanics(self.rest, scene, variables)
 
     def without_drift(self, scene: Scene, variables: GroupedVariables) -> GroupedVariables:
-        """Return normalised variables of the same motion."""
+        """Return normalised variables of the same motion, for example with unit Euler
+        parameters."""
         groups = AbsoluteCoordinates().without_drift(_groups(scene), variables[1])
         return self.rest.without_drift(_rest(scene), variables[0]), groups
 
@@ -107,20 +108,10 @@ class GroupedMechanics(AbstractMechanics):
         """Return the rates of the speeds under wrenches, by name of body, and gravity, without
         constraints."""
         wrenches = summed_wrenches(wrenches, self._bodies)
-        return [
-            *self._rest.free_rates(wrenches),
-            *self._broadcast(self._groups.free_rates(wrenches)),
-        ]
-
-    def _broadcast(self, rates: Speeds) -> Speeds:
-        """Return the rates of the groups' speeds as arrays with one element for each body of the
-        group.
-
-        In `rates`, a rate that is the same for all bodies of a group is a single number.
-        """
-        return [
-            jnp.broadcast_to(rate, (size,)) for rate, size in zip(rates, self._sizes, strict=True)
-        ]
+        # A rate that is the same for all bodies of a group may be a single number.
+        rates = zip(self._groups.free_rates(wrenches), self._sizes, strict=True)
+        groups = [jnp.broadcast_to(rate, (size,)) for rate, size in rates]
+        return [*self._rest.free_rates(wrenches), *groups]
 
     def _split(self, numbers: Speeds) -> tuple[Speeds, Speeds]:
         """Return the entries of a list for the single bodies, and those for the groups."""
@@ -133,12 +124,13 @@ class GroupedMechanics(AbstractMechanics):
         return [*self._rest.projected(wrenches), *self._groups.projected(wrenches)]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates of the speeds that generalised forces cause."""
+        """Return the rates of the speeds that generalised forces, one for each speed, cause."""
         rest, groups = self._split(forces)
         return [*self._rest.solved(rest), *self._groups.solved(groups)]
 
     def bias(self, row: Row) -> Scalar:
-        """Return the row's bias for the single bodies; grouped bodies have no constraints."""
+        """Return the second time derivative of a constraint row's value at zero rates of all
+        speeds. Only single bodies have constraints."""
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -206,25 +198,17 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
     """
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
-        key, converted = _assigned(name, wrench, bodies)
-        sums[key] = sums[key] + converted
+        members = name.members if isinstance(name, GroupName) else (name,)
+        key = name
+        if name not in sums and members[0] in sums:
+            # Several wrenches on one single body.
+            key, wrench = members[0], _map_arrays(sum_, wrench)
+        elif name not in sums:
+            key = group_with(sums, name)
+            indices, size = [key.members.index(member) for member in members], len(key.members)
+            wrench = _map_arrays(lambda leaf, k=indices, n=size: _scattered(leaf, k, n), wrench)
+        sums[key] = sums[key] + wrench
     return sums
-
-
-def _assigned(name: str, wrench: Wrench, bodies: Iterable[str]) -> tuple[str, Wrench]:
-    """Convert a wrench on the body or bodies called `name` to the single body or group that
-    contains them.
-
-    **Returns:** the name of the single body or group among `bodies`, and the wrench in its shape.
-    """
-    if name in bodies:
-        return name, wrench
-    if isinstance(name, GroupName) and name.members[0] in bodies:
-        return name.members[0], _map_arrays(sum_, wrench)
-    group = group_with(bodies, name)
-    members = name.members if isinstance(name, GroupName) else (name,)
-    indices = [group.members.index(member) for member in members]
-    return group, _map_arrays(lambda leaf: _scattered(leaf, indices, len(group.members)), wrench)
 
 
 def group_with(names: Iterable[str], name: str) -> GroupName:

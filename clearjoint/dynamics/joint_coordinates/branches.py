@@ -137,17 +137,15 @@ class FreeBranch(AbstractBranch):
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
-        """Return the body as the root link of its tree."""
+        """Return the body as the root link of its tree. A root has no `parent`."""
         return free_link(state.spin)
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         """Return the time derivatives of position (m/s), Euler parameters, velocity and spin."""
-        return BodyState(
-            self._shift(axes, state.velocity, state.spin),
-            euler_parameter_rates(state.orientation, state.spin),
-            axes @ Vector(*speeds[:3]) + gravity,
-            Vector(*speeds[3:]),
-        )
+        shift = self._shift(axes, state.velocity, state.spin)
+        orientation = euler_parameter_rates(state.orientation, state.spin)
+        acceleration = axes @ Vector(*speeds[:3]) + gravity
+        return BodyState(shift, orientation, acceleration, Vector(*speeds[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
         """Return the velocity of the point that the position variable describes, m/s, global.
@@ -221,20 +219,14 @@ class JointedBranch(AbstractBranch):
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
         """Return the parent's motion composed with the motion in the joint."""
-        relative, twist = (
-            self.motion_subspace.rotation(state.position),
-            self.motion_subspace.twist(state),
-        )
+        subspace, point = self.motion_subspace, self.motion_subspace.point_parent
+        relative, twist = subspace.rotation(state.position), subspace.twist(state)
         rotation = parent.rotation @ relative
         spin = relative.transposed_times(parent.spin) + twist.angular
-        arm = self.motion_subspace.displacement(state.position) - self.motion_subspace.point_child
-        point = self.motion_subspace.point_parent
-        return Motion(
-            parent.point(point) + rotation @ arm,
-            rotation,
-            parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear),
-            spin,
-        )
+        arm = subspace.displacement(state.position) - subspace.point_child
+        position = parent.point(point) + rotation @ arm
+        velocity = parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear)
+        return Motion(position, rotation, velocity, spin)
 
     def link(self, parent: Link | None, state: JointState) -> Link:
         """Return the body as a link of its tree; `parent` is ``None`` if the parent is the
@@ -248,9 +240,8 @@ class JointedBranch(AbstractBranch):
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """Return the state with the position moved along the free directions of the joint, m or
         rad."""
-        return JointState(
-            self.motion_subspace.after_displacement(state.position, tuple(changes)), state.speeds
-        )
+        position = self.motion_subspace.after_displacement(state.position, tuple(changes))
+        return JointState(position, state.speeds)
 
     def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """Return the state with the changes, m/s or rad/s, added to the speeds."""
@@ -266,7 +257,7 @@ class JointedBranch(AbstractBranch):
         return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
-        """Return False, since the rates are relative to the parent."""
+        """Return False: the rates of the speeds are relative to the parent."""
         return False
 
 

@@ -35,13 +35,7 @@ from ...model.bodies import NO_WRENCH
 from ...model.joints.base import Motions, Row
 from ...model.joints.motion_subspaces import REST, Twist
 from ...model.scene import Scene
-from ..coordinates import (
-    AbstractMechanics,
-    BodyAcceleration,
-    MotionVariables,
-    Speeds,
-    Wrenches,
-)
+from ..coordinates import AbstractMechanics, BodyAcceleration, MotionVariables, Speeds, Wrenches
 from .branches import AbstractBranch, forest
 from .links import Inertia, Link, central_inertia, inertia
 

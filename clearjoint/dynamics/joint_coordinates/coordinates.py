@@ -63,15 +63,11 @@ class JointCoordinates(AbstractCoordinates):
         for branch in _branches(scene):
             state = variables[branch.body]
             orientations[branch.body] = branch.orientation(orientations[branch.parent], state)
-        return {
-            name: BodyState(
-                motions[name].position,
-                orientations[name],
-                motions[name].velocity,
-                motions[name].spin,
-            )
-            for name in scene.bodies
-        }
+        bodies = {}
+        for name in scene.bodies:
+            at, orientation = motions[name], orientations[name]
+            bodies[name] = BodyState(at.position, orientation, at.velocity, at.spin)
+        return bodies
 
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
         """Return pose and velocities of each body and of "ground", by name, computed from the roots

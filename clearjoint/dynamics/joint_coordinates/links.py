@@ -73,33 +73,16 @@ def jointed_link(
     **Arguments:** `motion_subspace`: the relative motions that the joint allows; `state`:
     coordinates and speeds of the joint.
     """
+    # Rotation from the body's axes to the tree's, position of the joint's point on the parent, m,
+    # and acceleration of this point at constant speeds, m/s^2. The tree's axes are those of its
+    # root, and on the ground its origin is the joint's point.
+    rotation, point, bias = IDENTITY, ZERO, ZERO
     if parent is None:
-        return _carried(IDENTITY, ZERO, GROUND_LINK, ZERO, motion_subspace, state)
-    rotation = parent.rotation @ motion_subspace.rotation(state.position)
-    arm = parent.rotation @ motion_subspace.point_parent
-    bias = parent.bias + parent.gradient @ arm
-    return _carried(rotation, parent.centre + arm, parent, bias, motion_subspace, state)
-
-
-def _carried(
-    rotation: Matrix,
-    point: Vector,
-    parent: Link,
-    bias: Vector,
-    motion_subspace: AbstractMotionSubspace,
-    state: JointState,
-) -> Link:
-    """Return the link of a body whose joint is at a given point of the parent.
-
-    **Arguments:**
-
-    - `rotation`: from the body's axes to the tree's, without the rotation in the joint if the
-      parent is the ground.
-    - `point`: m, position of the joint's point on the parent, from the tree's origin.
-    - `parent`: the link of the parent.
-    - `bias`: m/s^2, acceleration of this point at constant speeds.
-    - `motion_subspace`, `state`: as for `jointed_link`.
-    """
+        parent = GROUND_LINK
+    else:
+        rotation = parent.rotation @ motion_subspace.rotation(state.position)
+        to_joint = parent.rotation @ motion_subspace.point_parent
+        point, bias = parent.centre + to_joint, parent.bias + parent.gradient @ to_joint
     # Relative motion in the joint, in the tree's axes, and its acceleration at constant speeds.
     twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
     angular, linear = rotation @ twist.angular, rotation @ twist.linear
@@ -109,25 +92,13 @@ def _carried(
     displacement = motion_subspace.displacement(state.position)
     arm = rotation @ (displacement - motion_subspace.point_child)
     coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
-    columns = tuple(
-        _at_origin(Twist(rotation @ column.angular, rotation @ column.linear), point)
-        for column in motion_subspace.columns(state.position)
-    )
-    return Link(
-        rotation,
-        point + arm,
-        spin,
-        angular_bias,
-        bias + coriolis + gradient @ arm,
-        gradient,
-        columns,
-    )
-
-
-def _at_origin(twist: Twist, point: Vector) -> Twist:
-    """Return the twist of a body, whose linear part is the velocity of its point at the origin,
-    from a twist with the velocity of its point at `point`, m."""
-    return Twist(twist.angular, twist.linear + point.cross(twist.angular))
+    columns = []
+    for column in motion_subspace.columns(state.position):
+        # The velocity of the joint's point becomes that of the body's point at the origin.
+        axis, velocity = rotation @ column.angular, rotation @ column.linear
+        columns.append(Twist(axis, velocity + point.cross(axis)))
+    bias = bias + coriolis + gradient @ arm
+    return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
 
 
 def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
@@ -157,9 +128,7 @@ class Inertia:
 
     def __add__(self, other: "Inertia") -> "Inertia":
         return Inertia(
-            add(self.mass, other.mass),
-            self.coupling + other.coupling,
-            self.angular + other.angular,
+            add(self.mass, other.mass), self.coupling + other.coupling, self.angular + other.angular
         )
 
     def momentum(self, twist: Twist) -> Twist:
@@ -170,7 +139,8 @@ class Inertia:
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the inertia without the part that belongs to rotation about an axis.
+        """Return the inertia that a joint transmits to the carrier, if the bodies do not follow the
+        carrier's rotation about the joint's axis.
 
         The part subtracted is the outer product of `axis` with the momentum `whole`, plus the
         transposed product of `axis` with `rest`, so that the result stays symmetric.
@@ -178,7 +148,7 @@ class Inertia:
         **Arguments:**
 
         - `axis`: unit vector of the rotation, or zero for a translation.
-        - `whole`: momentum for a unit of the joint's speed.
+        - `whole`: momentum of these bodies for a unit of the joint's speed.
         - `rest`: `whole` without its components about the axes of the joint.
         """
         return Inertia(

@@ -32,10 +32,10 @@ from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..reductions.base import AbstractReduction
 from ..results.state_tables import contact_label
-from ..run.impact_recorder import ROWS, ImpactRecorder
-from ..run.recorders import LatestDenseStep, ReductionRecorder, RowBuffer
+from ..run.impact_recorder import ImpactRecorder
+from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
 from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
-from ..run.sections import Crossing, SectionRecorder
+from ..run.sections import SectionRecorder
 from ..run.segments import IMPACTS, LATEST, REDUCTIONS, SECTIONS
 from ..step.dense_output import Snapshot, on_constraints
 from ..step.method import Scheme
@@ -52,7 +52,7 @@ class Plan(eqx.Module):
     """Integration method and outputs that all lanes of a batch share.
 
     - `scheme`: integration method and formulation of the equations of motion.
-    - `reductions`, `sections`, `impacts`: reductions such as a peak force, conditions of crossings,
+    - `reductions`, `sections`, `impacts`: reductions such as a peak force, recorders of crossings,
       and recorders of impacts, each by the name of its output.
     - `saves`: whether states are saved at given times.
     - `max_steps`: largest number of attempts in a lane.
@@ -60,7 +60,7 @@ class Plan(eqx.Module):
 
     scheme: Scheme
     reductions: dict[str, AbstractReduction]
-    sections: dict[str, Crossing]
+    sections: dict[str, SectionRecorder]
     saves: bool = eqx.field(static=True)
     max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
@@ -70,8 +70,8 @@ class Plan(eqx.Module):
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             SECTIONS: {
-                name: SectionRecorder(crossing, None, ROWS, request.wanted.get(name))
-                for name, crossing in self.sections.items()
+                name: replace(recorder, wanted=request.wanted.get(name))
+                for name, recorder in self.sections.items()
             },
             IMPACTS: {
                 name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
@@ -184,7 +184,13 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
     """
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
-    return _with_save(plan, system, Lane(run, lane.saved), request)
+    if lane.saved is None:
+        return Lane(run, None)
+    lane = Lane(run, lane.saved)
+    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
+    row = run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
+    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
+    return Lane(run, lane.saved.with_row(row, due))
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
@@ -245,17 +251,6 @@ def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
     if lane.saved is None:
         return jnp.asarray(False)
     return _next_save(lane, request) <= lane.run.step.t
-
-
-def _with_save(plan: Plan, system: System, lane: Lane, request: SegmentRequest) -> Lane:
-    """Return a lane with the state at the next time to save at added to its buffer, if the run has
-    reached that time and the buffer has room."""
-    if lane.saved is None:
-        return lane
-    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
-    row = lane.run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
-    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-    return eqx.tree_at(lambda a: a.saved, lane, lane.saved.with_row(row, due))
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:

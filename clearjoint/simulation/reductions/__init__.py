@@ -1,1 +1,1 @@
-"""Reductions: results that are accumulated during a run, at every accepted step."""
+"""Reductions: results, such as a peak force, that are updated at every accepted step of a run."""

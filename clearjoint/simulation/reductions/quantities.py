@@ -162,7 +162,7 @@ class Statistics(AbstractQuantityReduction):
 
     def start(self, now: Instant) -> StatisticsTally:
         """Return the tally at the start of the run, with integrals of zero. If the start is outside
-        of the window, the extremes are infinite."""
+        of the window, the smallest value is infinity and the largest one minus infinity."""
         value = self._value(now)
         zero = jnp.zeros_like(value)
         window = self._window()

@@ -101,15 +101,17 @@ class Impacts(AbstractTabular):
         **Arguments:** `joint`: name of the joint; `contact`: label of the contact, such as "V". The
         table is empty for unknown names.
         """
-        chosen = (self.joint == joint) & (self.contact == contact)
-        return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+        return self._rows((self.joint == joint) & (self.contact == contact))
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
         """Return the table of those impacts whose onset t, s, satisfies `after` <= t < `until`.
 
         For example, ``np.quantile(solution.impacts.within(after=0.5).peak_force, 0.95)``.
         """
-        chosen = (self.onset >= after) & (self.onset < until)
+        return self._rows((self.onset >= after) & (self.onset < until))
+
+    def _rows(self, chosen: np.ndarray) -> "Impacts":
+        """Return the table of those impacts for which `chosen`, (N,), is true."""
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 

@@ -13,7 +13,7 @@ from ...model.bodies import State
 from ...result_codes import RESULTS
 from ..step.types import Integers, Numbers
 from .solution import Trajectory, is_abstract, run_text
-from .state_tables import contact_label
+from .state_tables import by_contact
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -124,11 +124,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         require(self.saved is not None, "solution", "without saved states", "with some", times)
         assert self.saved is not None and self.history is not None
         found = self.saved.to_xarray()
-        contacts = {
-            contact_label(joint, contact): totals
-            for joint, family in self.history.items()
-            for contact, totals in family.items()
-        }
+        contacts = by_contact(self.history)
         if contacts:
             for name, unit in TOTAL_UNITS.items():
                 values = np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1)

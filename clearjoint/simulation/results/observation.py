@@ -15,7 +15,7 @@ from ...export.labelled import COMPONENT, COMPONENTS, Labelled, labelled_dataset
 from ...export.tabular import AbstractTabular
 from ...fields.checks import as_shown
 from ..step.types import Integers, Numbers, Vectors
-from .state_tables import CONTACTS, contact_label
+from .state_tables import CONTACTS, by_contact
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -182,11 +182,7 @@ class Observation(eqx.Module, AbstractTabular):
 
         See `AbstractTabular` for the export to other formats.
         """
-        contacts = {
-            contact_label(joint, label): contact
-            for joint, by_label in self.contacts.items()
-            for label, contact in by_label.items()
-        }
+        contacts = by_contact(self.contacts)
         reactions = {
             f"{joint} on {body}": load
             for joint, by_body in self.reactions.items()

@@ -34,9 +34,7 @@ CHUNK = 512
 
 
 def observe(
-    scene: Scene,
-    solution: Solution | NonsmoothSolution,
-    trajectory: Trajectory | None = None,
+    scene: Scene, solution: Solution | NonsmoothSolution, trajectory: Trajectory | None = None
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
@@ -66,13 +64,9 @@ def observe(
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
-    require(
-        trajectory is not None,
-        "solution",
-        "without saved states",
-        "one with states to observe",
-        "pass save=Saving(times) or Saving(steps=True) to simulate()",
-    )
+    expected, given = "one with states to observe", "without saved states"
+    remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
+    require(trajectory is not None, "solution", given, expected, remedy)
     assert trajectory is not None
     absolute, states = absolute_formulation(solution), trajectory.states
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
@@ -242,8 +236,8 @@ def _array(vector: Vector) -> Vectors:
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return the largest magnitude of each joint's constraint equations, and of their rates, by
-    joint."""
+    """Return the largest magnitude of the values of each joint's constraint equations, and of their
+    time derivatives, by joint."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))

@@ -1,12 +1,14 @@
 """Conversion of states to labelled arrays, the variables of an `xarray.Dataset`."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
 from ...export.labelled import COMPONENT, COMPONENTS, Labelled, texts
 from ...model.bodies import State
 
+T = TypeVar("T")
 STATE_PARTS = {
     "position": ("component", "m"),
     "orientation": ("parameter", "1"),
@@ -32,6 +34,15 @@ def contact_label(joint: str, contact: str) -> str:
     return f"{joint} {contact}"
 
 
+def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
+    """Return the entries tables[joint][contact] by the label of the contact."""
+    return {
+        contact_label(joint, contact): entry
+        for joint, entries in tables.items()
+        for contact, entry in entries.items()
+    }
+
+
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
     """Return states as arrays with dimensions and units, by name of variable.
 
@@ -49,11 +60,11 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
         dims = (*rows, "body", dim)
         arrays[prefix + part] = Labelled(dims, np.stack(values, -2), unit, MEANINGS[part])
-    if entry_speeds := _by_contact(states.entry_speeds):
+    if entry_speeds := by_contact(states.entry_speeds):
         values = np.stack([*entry_speeds.values()], -1)
         text = "speed at which the contact closed; zero in flight"
         arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
-    if bristles := _by_contact(states.bristles):
+    if bristles := by_contact(states.bristles):
         text = "deflection of the bristles, in the axes of the joint's first body"
         dims = (*rows, BRISTLES, COMPONENT)
         values = np.stack([*bristles.values()], -2)
@@ -69,15 +80,7 @@ def state_labels(states: State) -> dict[str, Labelled]:
     """Return the labels along each dimension of the arrays of `state_arrays`, by name of the
     dimension: names of bodies, labels of contacts, "x", "y", "z" and so on."""
     labels = {"body": [*states.bodies], **LABELS}
-    labels[CONTACTS] = [*_by_contact(states.entry_speeds)]
-    labels[BRISTLES] = [*_by_contact(states.bristles)]
+    labels[CONTACTS] = [*by_contact(states.entry_speeds)]
+    labels[BRISTLES] = [*by_contact(states.bristles)]
     labels["integral"] = [*states.work]
     return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
-
-
-def _by_contact(tables: Mapping[str, Mapping[str, object]]) -> dict[str, np.ndarray]:
-    return {
-        contact_label(joint, contact): np.asarray(value)
-        for joint, family in tables.items()
-        for contact, value in family.items()
-    }

@@ -70,27 +70,19 @@ class Run:
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
-        limit = jnp.asarray(max_steps)
-        arguments = self.scheme, self.folded_scene, self.recorders, now, times, self.end, limit
-        now, saved = loops.closed(segment(*arguments, loops))
-        final, result, _ = _end_of(self.scheme, self.folded_scene, now.step, self.end)
+        program = self.scheme, self.folded_scene
+        rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
+        now, saved = loops.closed(segment(*program, *rest, loops))
+        final, result, _ = _end_of(*program, now.step, self.end)
         trajectory = count = None
         if saved is not None:
             states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
             trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
-        return Solution(
-            now.step.t,
-            final,
-            result,
-            now.step.attempts,
-            now.step.accepted,
-            trajectory,
-            count,
-            None,
-            None,
-            self.scheme.formulation,
-            self.redundant,
+        counts, ran = (
+            (now.step.attempts, now.step.accepted),
+            (self.scheme.formulation, self.redundant),
         )
+        return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
 
     def on_host(
         self,
@@ -111,7 +103,7 @@ class Run:
         **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
         journal has slid out of its bearing at the end.
         """
-        saves = _SaveTimes(save_at, float(self.end))
+        program, saves = (self.scheme, self.folded_scene), _SaveTimes(save_at, float(self.end))
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
         start = float(now.step.t)
@@ -128,15 +120,8 @@ class Run:
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
                 limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
-                now, saved = segment_compiled(
-                    self.scheme,
-                    self.folded_scene,
-                    self.recorders,
-                    now,
-                    saves.chunk(),
-                    self.end,
-                    np.asarray(limit),
-                )
+                rest = self.recorders, now, saves.chunk(), self.end, np.asarray(limit)
+                now, saved = segment_compiled(*program, *rest)
                 saves.take(saved)
                 # Empty the buffers at each stop, so that their size does not limit the run.
                 if STEPS in now.records:
@@ -153,7 +138,7 @@ class Run:
                 interrupted = not ended and stopped()
                 if ended or interrupted:
                     break
-        final, result, left = _end_compiled(self.scheme, self.folded_scene, now.step, self.end)
+        final, result, left = _end_compiled(*program, now.step, self.end)
         ended_at = now.step.t, now.step.attempts, now.step.accepted
         time, attempts, accepted = jax.device_get(ended_at)
         trajectory = None

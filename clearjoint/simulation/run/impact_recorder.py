@@ -30,12 +30,9 @@ from ..step.contact_step import (
 )
 from ..step.solvers import UnrolledExplicit
 from ..step.step_state import Method, Step, choose
-from .recorders import RowBuffer
+from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
-ROWS = 64
-"""Default number of rows of a buffer. When a buffer is full, compiled code returns to Python, which
-empties all buffers."""
 INSTANTS = ("onset", "separation", "peak_time")
 """Names of the fields of an `ImpactRow` that are times on the clock of the run."""
 
@@ -166,22 +163,23 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
         """Return the record after an attempt; it is unchanged if the step was not accepted."""
-        laws, wanted = step_outcome.now.scene.laws(), self.wanted
-        ends = self._instants(
-            step_outcome.method, step_outcome.system, step_outcome.now, step_outcome.after
-        )
+        now, system, kept = step_outcome.now, step_outcome.system, step_outcome.kept
+        t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
+        ends = self._instants(step_outcome.method, system, now, step_outcome.after)
+
+        def after(name: str, label: str, one: ContactRecord) -> ContactRecord:
+            contact, over, row = one.contact.after(laws[name][label], t0, t1, ends[name][label])
+            # A row is written if the contact ended in this step, and the row is to be recorded.
+            written = kept & over
+            if self.window is not None:
+                written = written & self.window.holds(system.clock(row.onset))
+            if self.wanted is not None:
+                written = written & (self.wanted[contact_label(name, label)] > one.rows.count)
+            rows = one.rows.with_row(row, written)
+            return ContactRecord(choose(kept, contact, one.contact), rows)
+
         return {
-            name: {
-                label: _after(
-                    laws[name][label],
-                    one,
-                    step_outcome,
-                    ends[name][label],
-                    None if wanted is None else wanted[contact_label(name, label)],
-                    self.window,
-                )
-                for label, one in family.items()
-            }
+            name: {label: after(name, label, one) for label, one in family.items()}
             for name, family in record.items()
         }
 
@@ -233,27 +231,3 @@ def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str 
             numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
             rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]
     return rows
-
-
-def _after(
-    law: AbstractContactLaw,
-    record: ContactRecord,
-    step_outcome: StepOutcome,
-    end: ContactInstant,
-    wanted: Scalar | None,
-    window: Window | None,
-) -> ContactRecord:
-    """Return the record of one contact after an attempt to take a step.
-
-    **Arguments:** `law`: the contact's law; `end`: the contact at the end of the attempt; `wanted`,
-    `window`: as in `ImpactRecorder`, for this contact.
-    """
-    # `over` says whether the contact ended in this step and its row is to be written.
-    contact, over, row = record.contact.after(law, step_outcome.before.t, step_outcome.after.t, end)
-    over = step_outcome.kept & over
-    if window is not None:
-        over = over & window.holds(step_outcome.system.clock(row.onset))
-    if wanted is not None:
-        over = over & (wanted > record.rows.count)
-    rows = record.rows.with_row(row, over)
-    return ContactRecord(choose(step_outcome.kept, contact, record.contact), rows)

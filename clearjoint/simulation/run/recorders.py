@@ -23,6 +23,10 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
 
 R = TypeVar("R", bound=PyTree[Scalar])
 
+ROWS = 64
+"""Default number of rows of a `RowBuffer`. When a buffer is full, compiled code returns to Python,
+which empties all buffers."""
+
 
 class RowBuffer(eqx.Module, Generic[R]):
     """A buffer of fixed size that compiled code fills with rows, such as finished impacts. Each row

@@ -27,12 +27,7 @@ from ...dynamics.assembly import (
     require_representable,
     round_trip,
 )
-from ...dynamics.constraint_report import (
-    StartRows,
-    constraint_report,
-    dependent,
-    start_rows,
-)
+from ...dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
 from ...dynamics.coordinates import AbstractCoordinates
 from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
@@ -153,13 +148,9 @@ def derivative_scheme(
     """
     settings.require_double()
     check_precision(False)
-    require(
-        settings.landing_tolerance is not None,
-        "landing_tolerance",
-        None,
-        "a penetration in m",
-        "derivatives hold only where steps land on the begin and end of contacts",
-    )
+    lands = settings.landing_tolerance is not None
+    remedy = "derivatives are right only if steps end at the onset and the end of contacts"
+    require(lands, "landing_tolerance", None, "a penetration in m", remedy)
     redundant = check_start(scene, state, start_time, settings.coordinates)
     require_declared(scene)
     scheme = Scheme.on_host(settings, bool(redundant))

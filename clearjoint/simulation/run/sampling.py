@@ -189,18 +189,43 @@ def followed(
     tried = traced_once(attempt)
     loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
 
+    no_values = dict.fromkeys(outputs, jnp.zeros(()))
+    no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(systems.values)))
+
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
+        """Run up to a time, and return quantities, derivatives and state there, and whether the run
+        has reached it; `row`: the time, s, and whether it differs from the time before it."""
         time, is_new = row
         # Steps are not shortened to end at the time, since evaluation must not change the motion.
         now = loop.until(time, now, max_steps)
-        sampled = _sample(method, systems, outputs, now.records[LATEST], time, is_new, kept)
-        return now, (*sampled, time <= now.step.t)
+        latest = now.records[LATEST]
+
+        def observed(
+            system: System, y: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[dict[str, Scalar], None]:
+            y = correct(system, y, time)
+            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+            return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
+
+        def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
+            dense = look_inside(method, systems.system(), latest, time)
+            along = look_at_tangents(method, latest, time)
+            values, _, derivatives = systems.pushed(observed, dense, along)
+            return values, derivatives
+
+        # At a repeated time, quantities need not be computed: those at the first of equal times are
+        # copied below. States are not copied, so they are computed at every time.
+        values = jax.lax.cond(is_new, quantities, lambda: (no_values, no_derivatives))
+        state = None
+        if kept.states:
+            system = systems.system()
+            state = named(state_of(system, *look_inside(method, system, latest, time)))
+        return now, (*values, state, time <= now.step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
-    # Of repeated times, quantities were computed at the first only, so its numbers are copied.
-    # States were computed at every time.
+    # Index of the first of equal times, of which the quantities are copied.
     latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
     return Sampled(
@@ -237,76 +262,11 @@ def _scanned(
     return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
 
 
-def _sample(
-    method: Method,
-    systems: SystemFamily,
-    outputs: Mapping[str, Quantity],
-    latest: Attempt,
-    time: Scalar,
-    is_new: Condition,
-    kept: Kept,
-) -> tuple[dict[str, Scalar], dict[str, Gradients], State | None]:
-    """Return quantities, their derivatives and the state at a time in the latest accepted step.
-
-    **Arguments:**
-
-    - `systems`: the systems as functions of p parameters; `outputs`: the quantities by name.
-    - `latest`: the attempt of that step.
-    - `time`: s since the start of the run.
-    - `is_new`: whether the time differs from the one before it. At a repeated time, quantities and
-      derivatives are not computed; they are zeros.
-
-    **Returns:** the quantities by name; their derivatives with respect to the parameters on their
-    scales, (p,) by name; and the state, or ``None`` if `kept` does not request it.
-    """
-    # At repeated times, `followed` copies the quantities of the first of equal times, so that they
-    # need not be computed. It does not copy states, which are therefore computed at every time.
-    no_value, no_derivatives = jnp.zeros(()), jnp.zeros(len(systems.values))
-    values, derivatives = jax.lax.cond(
-        is_new,
-        lambda: _quantities(method, systems, outputs, latest, time),
-        lambda: (dict.fromkeys(outputs, no_value), dict.fromkeys(outputs, no_derivatives)),
-    )
-    if not kept.states:
-        return values, derivatives, None
-    system = systems.system()
-    variables, entry_speeds = look_inside(method, system, latest, time)
-    return values, derivatives, named(state_of(system, variables, entry_speeds))
-
-
-def _quantities(
-    method: Method,
-    family: SystemFamily,
-    outputs: Mapping[str, Quantity],
-    tried: Attempt,
-    time: Scalar,
-) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
-    """Return quantities at a time in an accepted step, s, and their derivatives, (p,), by name.
-
-    **Arguments:** `family`: the systems as functions of p parameters; `outputs`: the quantities by
-    name; `tried`: the attempt of the step; `time`: s since the start of the run.
-    """
-    dense = look_inside(method, family.system(), tried, time)
-
-    def observed(
-        system: System, y: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[dict[str, Scalar], None]:
-        y = correct(system, y, time)
-        now = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
-        return {name: jnp.asarray(of(now), float) for name, of in outputs.items()}, None
-
-    values, _, derivatives = family.pushed(observed, dense, look_at_tangents(method, tried, time))
-    return values, derivatives
-
-
 sampled_compiled: Native[..., Sampled] = Native(followed)
 
 
 def recorded_run(
-    arguments: tuple[PyTree, ...],
-    states: bool,
-    impacts: bool,
-    sections: dict[str, SectionRecorder],
+    arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
     """Run `followed` with room for all impacts, and return its result as NumPy arrays.
 

@@ -49,7 +49,7 @@ class Saving:
     def __post_init__(self) -> None:
         for name in ("steps", "impacts"):
             value = getattr(self, name)
-            require(isinstance(value, bool), name, value, "True or False", "say whether")
+            require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
             steps = np.diff(check_rising(self.times, "times"))
             remedy = "remove repeated times, for example with numpy.unique"

@@ -7,7 +7,7 @@ each crossing, from which the channels are computed later: since lanes are compu
 every lane would otherwise have to compute them in every step.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,10 +26,9 @@ from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
-from ..step.dense_output import DenseStep, Snapshot, on_constraints
-from ..step.step_state import Method
+from ..step.dense_output import Snapshot, on_constraints
 from ..step.types import Numbers
-from .recorders import RowBuffer
+from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 if TYPE_CHECKING:
@@ -50,20 +49,13 @@ def check_channels(channels: Channels) -> None:
     **Raises:** `ValueError` if not, and for an empty mapping.
     """
     require_array_names("channels", channels, PASS_CHANNELS)
-    fine = bool(channels) and all(
-        isinstance(pair, tuple)
-        and len(pair) == 2
-        and callable(pair[0])
-        and isinstance(pair[1], str)
-        for pair in channels.values()
-    )
-    require(
-        fine,
-        "channels",
-        channels,
-        "a (quantity, unit) pair by name",
-        PASS_CHANNELS,
-    )
+
+    def is_pair(pair: object) -> bool:
+        is_tuple = isinstance(pair, tuple) and len(pair) == 2
+        return is_tuple and callable(pair[0]) and isinstance(pair[1], str)
+
+    fine = bool(channels) and all(map(is_pair, channels.values()))
+    require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
 
@@ -75,52 +67,6 @@ def check_quantities(channels: Channels, scene: Scene) -> None:
     """
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
-
-
-class Crossing(eqx.Module):
-    """The condition of a Poincaré section: a quantity rises through zero.
-
-    **Arguments:** `quantity`: a scalar function of an `Instant`; `after`: s, time before which
-    crossings are ignored.
-    """
-
-    quantity: Quantity = eqx.field(static=True)
-    after: Scalar
-
-    def level(self, now: Instant) -> Scalar:
-        """Return the quantity at an instant. It is called the level, and is zero at a crossing."""
-        return jnp.asarray(self.quantity(now), dtype=float)
-
-    def row(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
-        """Return time and state at the crossing in an accepted step. Without a crossing in the step
-        the result is meaningless.
-
-        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
-        """
-        system = step_outcome.system
-
-        def level(row: Snapshot) -> Scalar:
-            return self.level(row.instant(system))
-
-        row = crossing_row(step_outcome.method, step_outcome.dense_step, before, after, level)
-        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-
-
-def crossing_row(
-    method: Method,
-    dense_step: DenseStep,
-    before: Scalar,
-    after: Scalar,
-    value: Callable[[Snapshot], Scalar],
-) -> Snapshot:
-    """Return time and state at the instant of a step at which a function rises through zero.
-
-    **Arguments:** `dense_step`: the step; `value`: the function of time and state; `before`,
-    `after`: its values at the start and the end of the step.
-    """
-    start, end = dense_step.start.t, dense_step.end.t
-    x = secant_root(lambda x: value(dense_step.within(method, x)), before, after)
-    return dense_step.at(method, start + x * (end - start))
 
 
 class SectionRecord(eqx.Module):
@@ -138,7 +84,9 @@ class SectionRecord(eqx.Module):
 class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
-    - `crossing`: the condition of a crossing.
+    - `quantity`: function of an `Instant` that rises through zero at a crossing; its value is
+      called the level.
+    - `earliest`: s, time before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
       state instead.
@@ -146,7 +94,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     - `wanted`: largest number of rows in the buffer, by default `capacity`.
     """
 
-    crossing: Crossing
+    quantity: Quantity = eqx.field(static=True)
+    earliest: Scalar
     channels: tuple[tuple[str, Quantity], ...] | None = eqx.field(static=True)
     capacity: int = eqx.field(static=True)
     wanted: Scalar | None = None
@@ -155,19 +104,18 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         """Return the level at the start of the run, and an empty buffer."""
         step = start.step
         row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
-        return SectionRecord(self.crossing.level(start.now), RowBuffer.like(row, self.capacity))
+        return SectionRecord(self._level(start.now), RowBuffer.like(row, self.capacity))
 
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         """Return the record after an attempt to take a step.
 
         A crossing in the step gets a row if the step was accepted, the time of the crossing is not
-        before `Crossing.after`, and more rows are wanted.
+        before `earliest`, and more rows are wanted.
         """
-        crossing, kept, before = self.crossing, step_outcome.kept, record.level
-        after = crossing.level(step_outcome.now)
+        kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
         rises = kept & (before < 0.0) & (after >= 0.0)
         if self.channels is None:
-            row = crossing.row(step_outcome, before, after)
+            row = self._crossing(step_outcome, before, after)
             time = row.t
         else:
             # Most steps have no crossing: the root is searched for only in those that have.
@@ -176,17 +124,37 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             )
             time = row[TIME]
         wanted = self.capacity if self.wanted is None else self.wanted
-        wanted = rises & (time >= crossing.after) & (wanted > record.rows.count)
+        wanted = rises & (time >= self.earliest) & (wanted > record.rows.count)
         return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
+
+    def _level(self, now: Instant) -> Scalar:
+        return jnp.asarray(self.quantity(now), dtype=float)
+
+    def _crossing(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
+        """Return time and state at the crossing in an accepted step. Without a crossing in the step
+        the result is meaningless.
+
+        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
+        """
+        system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
+
+        def level(x: Scalar) -> Scalar:
+            return self._level(dense.within(method, x).instant(system))
+
+        x = secant_root(level, before, after)
+        row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
+        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
 
     def _columns(
         self, step_outcome: StepOutcome, before: Scalar, after: Scalar
     ) -> dict[str, Scalar]:
-        row = self.crossing.row(step_outcome, before, after)
+        """Return time and channels at the crossing; the arguments are those of `_crossing`."""
+        row = self._crossing(step_outcome, before, after)
         values = row.columns(step_outcome.system, dict(self.channels or ()))
         return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
     def _none(self) -> dict[str, Scalar]:
+        """Return zero as time and channels, for a step without a crossing."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
 
 
@@ -236,13 +204,12 @@ def with_units(
 
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
     """Return the crossings in the records of sections, by name of the section, as NumPy arrays."""
+    found = {}
     tables = jax.device_get({name: record.rows for name, record in records.items()})
-    return {name: _crossings(table) for name, table in tables.items()}
-
-
-def _crossings(table: RowBuffer[dict[str, Scalar]]) -> Crossings:
-    columns = {name: np.asarray(values)[: int(table.count)] for name, values in table.rows.items()}
-    return Crossings(columns.pop(TIME), columns)
+    for name, table in tables.items():
+        columns = {key: np.asarray(row)[: int(table.count)] for key, row in table.rows.items()}
+        found[name] = Crossings(columns.pop(TIME), columns)
+    return found
 
 
 @dataclass(frozen=True)
@@ -279,15 +246,15 @@ class Section:
         require_count("count", self.count, "pass a number of crossings")
 
     @property
-    def condition(self) -> Crossing:
-        """The condition of a crossing, in the form that compiled programs take as an argument."""
-        return Crossing(self.crossing, on_device(self.after))
+    def recorder(self) -> SectionRecorder:
+        """The recorder that tabulates the channels at the crossings of this section in a run."""
+        channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
+        return SectionRecorder(self.crossing, on_device(self.after), channels, self.count)
 
     @property
-    def recorder(self) -> SectionRecorder:
-        """The recorder that tabulates the crossings of this section in a run."""
-        channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
-        return SectionRecorder(self.condition, channels, self.count)
+    def state_recorder(self) -> SectionRecorder:
+        """The recorder that tabulates the states at the crossings of this section in a lane."""
+        return SectionRecorder(self.crossing, on_device(self.after), None, ROWS)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.

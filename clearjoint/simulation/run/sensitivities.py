@@ -9,7 +9,7 @@ measures the accuracy, and `studies.benchmark` the cost.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import jax
@@ -36,7 +36,7 @@ from ..step.spans import check_span, checked_times
 from .impact_recorder import impact_rows_of
 from .progress_bars import compiling_bar
 from .run_checks import derivative_scheme
-from .sampling import Sampled, padded, recorded_run
+from .sampling import padded, recorded_run
 from .saving import Saving, saving_or_nothing
 from .sections import Crossings, crossings_of, with_units
 
@@ -135,14 +135,14 @@ def sensitivities(
 ) -> Sensitivities:
     """Integrate a scene together with the derivatives of its motion with respect to parameters.
 
-    At points where the equations are singular, the derivatives are finite by convention. At a
-    centred journal and at zero depth they are the derivatives of free flight. At zero slip they
-    belong to one side of the friction law. At zero entry speed they use the damping at the law's
-    `entry_speed_floor`.
+    At points where the equations of motion are not differentiable, the derivatives follow
+    conventions. At a centred journal, and at zero penetration, they are the derivatives of free
+    flight. At zero slip velocity they are those of one side of the friction law. At zero entry
+    speed they use the damping at the law's `entry_speed_floor`.
 
     Derivatives with respect to the initial position of a journal that touches the wall at the start
-    have no meaning: such a contact counts as elastic, so that the motion jumps when the initial
-    gap passes zero.
+    are meaningless: such a contact counts as elastic, so that the motion is a discontinuous
+    function of this position.
 
     **Arguments:**
 
@@ -162,9 +162,9 @@ def sensitivities(
     **Returns:** `Sensitivities`.
 
     **Raises:** `ValueError` for invalid arguments, and for elements that compare something with
-    time but declare no `breakpoints`, since derivatives would lack the saltation there;
-    `SimulationError` for a run that fails. If a user-defined force jumps at a state of the motion,
-    the run ends there with `RESULTS.force_jumped`.
+    time but declare no `breakpoints`, because derivatives would then lack the effect of a shift of
+    these times; `SimulationError` for a run that fails. If a user-defined force jumps at a state of
+    the motion, the run ends there with `RESULTS.force_jumped`.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -197,40 +197,21 @@ def sensitivities(
     keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):
         sampled = recorded_run(arguments, *keeps)
-    result = replace(
-        _result(sampled, tuple(parameters), all_times, requested, saved, start_time),
-        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
-        scales=tuple(p.scale.label(name) for name, p in parameters.items()),
-        settings=setting_notes(settings),
-    )
-    result = replace(result, sections=with_units(result.sections, save.sections))
-    if throw:
-        raise_failure(result)
-    return result
 
+    def reached(times: Float[np.ndarray, " some"]) -> Int[np.ndarray, " reached"]:
+        """Return the indices in `all_times` of those `times`, s, that the run reached."""
+        rows = np.searchsorted(all_times, times)
+        return rows[sampled.reached[rows]]
 
-def _result(
-    sampled: Sampled,
-    parameters: tuple[str, ...],
-    all_times: Float[np.ndarray, " all"],
-    requested: Float[np.ndarray, " some"],
-    saved: np.ndarray | None,
-    start_time: float,
-) -> Sensitivities:
-    """Return the results of a run with derivatives, with outputs and states selected from the rows
-    at `all_times`.
-
-    **Arguments:**
-
-    - `sampled`: outputs, derivatives and states at `all_times`; `parameters`: names.
-    - `all_times`: (A,) s, `requested` and `saved` together.
-    - `requested`: (N,) s, times of the outputs.
-    - `saved`: (S,) s, times of the states, or ``None``.
-    - `start_time`: s, added to the times of impacts.
-    """
-    rows = _rows_reached(sampled, all_times, requested)
-    return Sensitivities(
-        parameters=parameters,
+    rows, trajectory, impacts = reached(requested), None, None
+    if saved is not None:
+        saved_rows = reached(saved)
+        states = jax.tree.map(lambda leaf: leaf[saved_rows], sampled.states)
+        trajectory = Trajectory(saved[: len(saved_rows)], pack(states))
+    if sampled.impacts is not None:
+        impacts = Impacts.of_rows(impact_rows_of(sampled.impacts, start_time))
+    result = Sensitivities(
+        parameters=tuple(parameters),
         times=requested[: len(rows)],
         values={name: values[rows] for name, values in sampled.values.items()},
         derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
@@ -238,32 +219,16 @@ def _result(
         result=sampled.result,
         attempts=int(sampled.attempts),
         accepted=int(sampled.accepted),
-        saved=None if saved is None else _trajectory(sampled, all_times, saved),
-        impacts=(
-            None
-            if sampled.impacts is None
-            else Impacts.of_rows(impact_rows_of(sampled.impacts, start_time))
-        ),
-        sections=crossings_of(sampled.sections),
+        saved=trajectory,
+        impacts=impacts,
+        sections=with_units(crossings_of(sampled.sections), save.sections),
+        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
+        scales=tuple(p.scale.label(name) for name, p in parameters.items()),
+        settings=setting_notes(settings),
     )
-
-
-def _rows_reached(
-    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
-) -> Int[np.ndarray, " reached"]:
-    """Return the indices in `all_times` of those `times` that the run reached. Both are rising, in
-    s."""
-    rows = np.searchsorted(all_times, times)
-    return rows[sampled.reached[rows]]
-
-
-def _trajectory(
-    sampled: Sampled, all_times: Float[np.ndarray, " all"], times: Float[np.ndarray, " some"]
-) -> Trajectory:
-    """Return the trajectory at those `times`, a subset of `all_times`, that the run reached."""
-    rows = _rows_reached(sampled, all_times, times)
-    states = jax.tree.map(lambda leaf: leaf[rows], sampled.states)
-    return Trajectory(times[: len(rows)], pack(states))
+    if throw:
+        raise_failure(result)
+    return result
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:

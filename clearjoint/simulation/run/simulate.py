@@ -26,8 +26,8 @@ from ..step.settings import Settings, settings_or
 from ..step.spans import check_span
 from ..step.types import Numbers
 from .host_run import Run
-from .impact_recorder import ROWS
 from .interruptions import RunInterrupted
+from .recorders import ROWS
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .segments import begin, recorders_of
@@ -103,18 +103,26 @@ def simulate(
     """
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
-    _check_adjoint(adjoint)
+    fine = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
+    remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
+    expected = "a diffrax.RecursiveCheckpointAdjoint or None"
+    require(fine, "adjoint", adjoint, expected, remedy)
     scene, state = with_arrays((scene, state))
     traced = is_traced((scene, state, end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = save.times
     admissible = None
+
+    def check_all_numbers() -> None:
+        check_numbers(scene, state)
+        check_span(start_time, end_time)
+        settings.check_numbers()
+        save.times_between(start_time, end_time)
+
     if traced:
         # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_none(EXCEPT_TIMES, "under a transformation of JAX", LEAVE_OUT)
-        admissible = in_domain(
-            lambda: _check_numbers(scene, state, start_time, end_time, settings, save)
-        )
+        admissible = in_domain(check_all_numbers)
     else:
         check_span(start_time, end_time)
         times = save.times_between(start_time, end_time)
@@ -164,24 +172,6 @@ def _array(number: Numbers, traced: bool) -> Any:
     return on_device(number) if traced else np.asarray(number, float)
 
 
-def _check_numbers(
-    scene: Scene,
-    state: State,
-    start_time: Scalar,
-    end_time: Scalar,
-    settings: Settings,
-    save: Saving,
-) -> None:
-    """Check all numbers of a run, but not whether the state satisfies the constraints.
-
-    **Raises:** `ValueError` for the first number that is invalid.
-    """
-    check_numbers(scene, state)
-    check_span(start_time, end_time)
-    settings.check_numbers()
-    save.times_between(start_time, end_time)
-
-
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
     """Warn of journals outside their bearings, and of contacts deeper than their laws' ranges of
     validity.
@@ -194,13 +184,3 @@ def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
     if solution.impacts is not None:
         for sentence in beyond_law_ranges(scene, solution.impacts):
             caution(sentence, LawRangeWarning)
-
-
-def _check_adjoint(adjoint: object) -> None:
-    require(
-        adjoint is None or isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint),
-        "adjoint",
-        adjoint,
-        "a diffrax.RecursiveCheckpointAdjoint or None",
-        "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp",
-    )

@@ -78,14 +78,11 @@ def free_impact(
     whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))
     times = np.asarray(whole.ts)
     duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
-    require(
-        bool(whole.result == diffrax.RESULTS.event_occurred),
-        "law",
-        law,
-        f"one from which a mass rebounds at {entry_speed} m/s",
-        "raise the entry speed or the law's floor on it",
-    )
-    # A second run with shorter steps, for the peaks between steps.
+    rebounds = bool(whole.result == diffrax.RESULTS.event_occurred)
+    expected = f"one from which a mass rebounds at {entry_speed} m/s"
+    remedy = "raise the entry speed, or the law's `entry_speed_floor`"
+    require(rebounds, "law", law, expected, remedy)
+    # The peaks are found from a second run with shorter steps.
     fine = _contact(law, *mass_and_speed, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
     finite = np.isfinite(np.asarray(fine.ts))
     depth, rate = np.asarray(fine.ys)[finite].T
@@ -120,9 +117,7 @@ def _contact(
 
     gap = jnp.asarray(law.onset_offset(), dtype=float)
     leaving = diffrax.Event(
-        lambda t, y, args, **_: y[0] + gap,
-        optimistix.Newton(TOLERANCE, 1e-16),
-        direction=False,
+        lambda t, y, args, **_: y[0] + gap, optimistix.Newton(TOLERANCE, 1e-16), direction=False
     )
     return diffrax.diffeqsolve(
         diffrax.ODETerm(rates),

@@ -29,7 +29,7 @@ from .step_state import ControllerState, Method, Proposal, Step, Variables, choo
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
-"""A truth value, (), with diffrax's annotation."""
+"""A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
 """Largest difference between a driver's change over a step and the integral of its rate, as a
@@ -121,30 +121,20 @@ def decide_step(
         # States stay right across a jump that nobody declared; derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial, after)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+    since = last.time_since_onset
+    if since is not None:
+        latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
+        since = jnp.where(keep, latest, since)
     proposal = Proposal(
         t_next=t_next,
         full_length=full_length,
         begins_contact=begins_contact,
-        time_since_onset=_time_since_onset(step, after, t1, keep),
+        time_since_onset=since,
         entry_length=entry_length,
         made_jump=made_jump,
         controller_state=controller_state,
     )
     return StepDecision(keep, proposal, result)
-
-
-def _time_since_onset(step: Step, after: ContactGaps, t1: Scalar, keep: Condition) -> Scalar | None:
-    """Return the time since the latest onset of a contact for the next `Proposal`, s; ``None`` in
-    runs without tangents.
-
-    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end `t1`, s,
-    of the trial; `keep`: whether the trial is accepted.
-    """
-    since = step.proposal.time_since_onset
-    if since is None:
-        return None
-    latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
-    return jnp.where(keep, latest, since)
 
 
 def _controller_decision(

@@ -6,6 +6,9 @@ time since the breakpoint, is added to the variables. This time is zero except f
 has derivatives by the parameters on which the breakpoint depends. Where the angle of a driver has a
 kink, an impulse of the constraints changes the velocities. The new velocities are those that
 satisfy the constraints and differ least from the old ones, in the metric of the mass matrix.
+
+The clock of a `System` counts the time from its `origin`, s; without an origin it shows the scene's
+time.
 """
 
 from collections.abc import Mapping
@@ -99,7 +102,9 @@ def across_breakpoints(
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
             # move forward again with the new rates. The time of these moves is zero except for
             # rounding, but its derivatives are not.
-            time = _mean_time(joints)
+            # Drivers with breakpoints at the same instant are assumed to change together.
+            count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
+            time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
             y = _moved_on(y, rates(none, y, before), -time)
             y = _past_kink(_with_shares(system, before, after, none), y, after - time)
             y = _moved_on(y, rates(none, y, after), time)
@@ -133,18 +138,6 @@ def _with_shares(
         for name, force in system.scene.forces.items()
     }
     return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
-
-
-def _mean_time(since: dict[str, tuple[Condition, Scalar]]) -> Scalar:
-    """Return the mean of the times since the breakpoints at which a step ends, s.
-
-    Drivers with breakpoints at the same instant are assumed to change together.
-
-    **Arguments:** `since`: by driver, whether the step ends at a breakpoint of the driver, and the
-    time since this breakpoint, s (zero if it does not).
-    """
-    count = sum(jnp.asarray(lands, float) for lands, _ in since.values())
-    return sum(time for _, time in since.values()) / jnp.maximum(count, 1.0)
 
 
 def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:

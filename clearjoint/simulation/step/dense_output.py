@@ -1,7 +1,8 @@
 """States inside an accepted step by dense output, the solver's interpolant between the step's ends.
 
 After the interpolation the state is corrected onto the constraints, if the stabilisation demands
-it.
+it. Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
+without an origin it shows the scene's time.
 """
 
 from collections.abc import Callable, Mapping
@@ -61,7 +62,18 @@ def correct(system: System, y: Variables, t: Scalar) -> Variables:
     The energy that a projection onto the constraints removes is added to the integral
     "stabilisation" of the energy ledger.
     """
-    return system.formulation.stabilisation.corrected(y, lambda y: _project(system, y, t))
+
+    def energy(motion: MotionVariables) -> Scalar:
+        return sum(system.energies(motion, t).values())
+
+    def project(y: Variables) -> Variables:
+        motion, work = system.project(y.motion, t), y.work
+        if system.formulation.ledger and "stabilisation" in work:
+            loss = energy(y.motion) - energy(motion)
+            work = {**work, "stabilisation": work["stabilisation"] + loss}
+        return replace(y, motion=motion, work=work)
+
+    return system.formulation.stabilisation.corrected(y, project)
 
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
@@ -70,33 +82,19 @@ def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     return replace(y, motion=correct(system, y, t).motion)
 
 
-def _project(system: System, y: Variables, t: Scalar) -> Variables:
-    motion, work = system.project(y.motion, t), y.work
-    if system.formulation.ledger and "stabilisation" in work:
-        loss = _energy(system, y.motion, t) - _energy(system, motion, t)
-        work = {**work, "stabilisation": work["stabilisation"] + loss}
-    return replace(y, motion=motion, work=work)
-
-
-def _energy(system: System, motion: MotionVariables, t: Scalar) -> Scalar:
-    """Return the mechanical energy of a motion, J."""
-    return sum(system.energies(motion, t).values())
-
-
 def require_dense(solver: diffrax.AbstractSolver) -> None:
     """Check that a solver is an explicit Runge-Kutta method, as dense output in scalar form
     requires.
 
     **Raises:** `ValueError` that names the solver's class.
     """
-    require(
-        isinstance(solver, UnrolledExplicit),
-        "solver",
-        type(solver).__name__,
+    fine, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
+    expected = (
         "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
-        "(saved states, peaks, statistics, impacts), and for derivatives",
-        "take one such as diffrax.Tsit5(), or leave these outputs out",
+        "(saved states, peaks, statistics, impacts), and for derivatives"
     )
+    remedy = "take one such as diffrax.Tsit5(), or leave these outputs out"
+    require(fine, "solver", kind, expected, remedy)
 
 
 class Snapshot(eqx.Module):
@@ -107,11 +105,7 @@ class Snapshot(eqx.Module):
     y: Variables
     entry_speeds: EntrySpeeds
 
-    def instant(
-        self,
-        system: System,
-        inside: Callable[[Scalar], Instant] | None = None,
-    ) -> Instant:
+    def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
         """Return the snapshot as an `Instant`, from which quantities, such as the position of a
         body, are computed.
 

@@ -33,6 +33,9 @@ JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
 Primitives whose result is not a float, such as comparisons, count as jumping too."""
 KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
 """Names of JAX primitives whose result is a float that has a jump or a kink."""
+PURPOSE = "for derivatives to be right"
+BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or has a kink"
+"""Parts of error messages."""
 
 
 def require_declared(scene: Scene) -> None:
@@ -43,28 +46,22 @@ def require_declared(scene: Scene) -> None:
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
+            argument = f"scene.{family}[{name!r}]"
             # Functions of time are checked before the element that holds them, so that the message
             # names the function, whose class must be changed.
-            for function in _undeclared_functions_of_time(element):
-                require(
-                    not _function_compares_time(function),
-                    f"scene.{family}[{name!r}]",
-                    type(function).__name__.strip("_"),
-                    "a function smooth in time, or one that declares its breakpoints, for "
-                    "derivatives to be right",
-                    "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
-                    "AbstractFunctionOfTime with a method `breakpoints` that returns the times in "
-                    "s at which it jumps or has a kink",
-                )
-            silent = type(element).breakpoints is AbstractElement.breakpoints
-            require(
-                not (silent and _packed_element_compares_time(element)),
-                f"scene.{family}[{name!r}]",
-                type(element).__name__,
-                "smooth in time, or declare its breakpoints, for derivatives to be right",
-                "give its class a method `breakpoints` that returns the times in s at which it "
-                "jumps or has a kink, or () if there are none",
+            expected = "a function smooth in time, or one that declares its breakpoints"
+            remedy = (
+                "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
+                f"AbstractFunctionOfTime with a method {BREAKPOINTS}"
             )
+            for function in _undeclared_functions_of_time(element):
+                smooth, kind = not _function_compares_time(function), type(function).__name__
+                require(smooth, argument, kind.strip("_"), f"{expected}, {PURPOSE}", remedy)
+            silent = type(element).breakpoints is AbstractElement.breakpoints
+            smooth, kind = not silent or not _packed_element_compares_time(element), type(element)
+            expected = f"smooth in time, or declare its breakpoints, {PURPOSE}"
+            remedy = f"give its class a method {BREAKPOINTS}, or () if there are none"
+            require(smooth, argument, kind.__name__, expected, remedy)
 
 
 def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
@@ -162,7 +159,9 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
         real = all(_is_real(v.aval) for v in equation.outvars)
         if equation.primitive.name in primitives or not real:
             return True
-        for inner in _inner_programs(equation):
+        # Programs in the parameters of the equation, such as the body of a loop.
+        for inner in filter(_is_program, jax.tree.leaves(equation.params, is_leaf=_is_program)):
+            inner = inner.jaxpr if isinstance(inner, ClosedJaxpr) else inner
             # Arguments correspond one to one for calls. For loops and conditionals the assignment
             # differs by primitive; all inner arguments then count as dependent.
             passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
@@ -176,12 +175,6 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
 def _is_real(value: AbstractValue) -> bool:
     """Return whether a traced value is an array of floats."""
     return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
-
-
-def _inner_programs(equation: JaxprEqn) -> list[Jaxpr]:
-    """Return the programs that an equation contains as parameters, such as the body of a loop."""
-    leaves = jax.tree.leaves(equation.params, is_leaf=_is_program)
-    return [p.jaxpr if isinstance(p, ClosedJaxpr) else p for p in leaves if _is_program(p)]
 
 
 def _is_program(part: object) -> bool:

@@ -96,26 +96,25 @@ class Landing(eqx.Module):
         """
         h = t1 - t0
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
+        may_pass = any_of(
+            ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
+            for start, end in gap_pairs(before, after)
+        )
+
+        def first_crossing() -> Scalar:
+            fraction = jnp.ones_like(h)
+            for start, end in gap_pairs(before, after):
+                fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
+            return fraction
+
         # Few steps pass an event. A single run therefore computes the roots in a branch; lanes of a
         # batch compute them always.
-        fraction = jax.lax.cond(
-            _may_pass(before, after),
-            lambda: self._first_crossing(before, after, h),
-            lambda: jnp.ones_like(h),
-        )
+        fraction = jax.lax.cond(may_pass, first_crossing, lambda: jnp.ones_like(h))
         # As in diffrax's controllers, step sizes are not differentiated.
         landing = jax.lax.stop_gradient(t0 + jnp.maximum(fraction * h, resolution))
         # An event within rounding of the end of the step counts as landed on; a retry would end at
         # the same time.
         return (fraction < 1.0) & (landing < t1 - resolution), landing
-
-    def _first_crossing(self, before: ContactGaps, after: ContactGaps, h: Scalar) -> Scalar:
-        """Return the smallest result of `_crossing` among all contacts, in a step of length h,
-        s."""
-        fraction = jnp.ones_like(h)
-        for start, end in gap_pairs(before, after):
-            fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
-        return fraction
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
         """Return the fraction, 0 to 1, at which a step of length h, s, must end for the sake of one
@@ -176,11 +175,3 @@ def _turns(start: ContactGap, end: ContactGap) -> Condition:
     away from zero at its `end`."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
-
-
-def _may_pass(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether the penetration of any contact may change its sign between two instants."""
-    return any_of(
-        ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
-        for start, end in gap_pairs(before, after)
-    )

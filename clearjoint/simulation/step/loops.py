@@ -122,7 +122,12 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     **Arguments:** `primals`: the arguments of the attempt; `tangents`: their derivatives, ``None``
     for those that are not differentiated.
     """
-    tangents = jax.tree.map(_tangent, primals, tangents, is_leaf=_is_none)
+
+    def tangent(primal: PyTree, tangent: PyTree) -> PyTree:
+        missing = tangent is None and eqx.is_inexact_array(primal)
+        return jnp.zeros_like(primal) if missing else tangent
+
+    tangents = jax.tree.map(tangent, primals, tangents, is_leaf=lambda leaf: leaf is None)
     # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
 
@@ -141,16 +146,6 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     along = gated(derivative(gated(tangents)))
     step = choose(finite, along.step, tangents[2])
     return eqx.combine(outcome, rest), replace(along, step=step)
-
-
-def _is_none(leaf: object) -> bool:
-    return leaf is None
-
-
-def _tangent(primal: PyTree, tangent: PyTree) -> PyTree:
-    """Return `tangent`, or zeros if it is ``None`` and `primal` is an array of floats."""
-    missing = tangent is None and eqx.is_inexact_array(primal)
-    return jnp.zeros_like(primal) if missing else tangent
 
 
 def _is_finite(tree: PyTree[Scalar]) -> Condition:

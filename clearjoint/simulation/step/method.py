@@ -45,7 +45,14 @@ class Scheme(eqx.Module):
             default_controller(rtol, atol) if controller is None else controller,
             None if tolerance is None else Landing(tolerance),
         )
-        return _with_arrays(Scheme(method, Formulation(*choices)))
+
+        def array(leaf: object) -> object:
+            # With arrays, a new value does not compile anew. Zeros remain Python numbers, because
+            # the step-size controller leaves out terms with a coefficient of zero.
+            is_number = isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)
+            return jax.device_put(leaf) if is_number else leaf
+
+        return jax.tree.map(array, Scheme(method, Formulation(*choices)))
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
@@ -67,19 +74,3 @@ class Scheme(eqx.Module):
 @cached_by_numbers
 def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
     return jax.device_get(Scheme.of(Settings(**settings), redundant))
-
-
-def _with_arrays(scheme: Scheme) -> Scheme:
-    """Return the scheme with its floats as JAX arrays, so that a new value does not compile anew.
-
-    Zeros remain Python numbers, because the step-size controller leaves out terms with a
-    coefficient of zero.
-    """
-    return jax.tree.map(
-        lambda leaf: jax.device_put(leaf) if _is_number(leaf) else leaf,
-        scheme,
-    )
-
-
-def _is_number(leaf: object) -> bool:
-    return isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)

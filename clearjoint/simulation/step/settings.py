@@ -91,38 +91,27 @@ class Settings:
     allow_float32: bool = False
 
     def __post_init__(self) -> None:
-        self._convert_numpy_scalars()
-        self._check_method()
-        self.check_numbers()
-        require_count("max_steps", self.max_steps, "give a number of steps")
-        for name, kinds in (
-            ("ledger", bool),
-            ("redundant", bool | None),
-            ("allow_float32", bool),
-        ):
-            value = getattr(self, name)
-            require(isinstance(value, kinds), name, value, "True or False", "say whether")
-
-    def _convert_numpy_scalars(self) -> None:
-        """Replace NumPy scalars by Python numbers; JAX would compile another program for them."""
         for name, value in list(vars(self).items()):
             if isinstance(value, np.generic):
+                # JAX would compile another program for a NumPy scalar than for a Python number.
                 object.__setattr__(self, name, value.item())
-
-    def _check_method(self) -> None:
         for name, kind, example in (
             ("solver", diffrax.AbstractSolver, "diffrax.Tsit5()"),
             ("controller", diffrax.AbstractStepSizeController | None, "diffrax.PIDController()"),
             ("coordinates", AbstractCoordinates, "JointCoordinates()"),
             ("stabilisation", AbstractStabilisation, "Baumgarte()"),
         ):
-            value = getattr(self, name)
-            expected = f"an object such as {example}"
+            value, expected = getattr(self, name), f"an object such as {example}"
             require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
         require_ordinary(self.solver)
+        self.check_numbers()
+        require_count("max_steps", self.max_steps, "give a number of steps")
+        for name, kind in (("ledger", bool), ("redundant", bool | None), ("allow_float32", bool)):
+            value = getattr(self, name)
+            require(isinstance(value, kind), name, value, "True or False", "pass a bool")
 
     def check_numbers(self) -> None:
-        """Check that each tolerance and length is a number in its range.
+        """Check that each tolerance, and the length of the first step, is a number in its range.
 
         **Raises:** `ValueError` that names the setting.
         """
@@ -143,14 +132,8 @@ class Settings:
         # tolerances cannot be compared.
         known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
         if known is not None:
-            rtol, atol = known
-            require(
-                (rtol > 0) | (atol > 0),
-                "rtol",
-                self.rtol,
-                "positive unless `atol` is",
-                "give a relative tolerance such as 1e-6",
-            )
+            fine, remedy = (known[0] > 0) | (known[1] > 0), "give a relative tolerance such as 1e-6"
+            require(fine, "rtol", self.rtol, "positive unless `atol` is", remedy)
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
@@ -181,26 +164,17 @@ class Settings:
 
         **Raises:** `ValueError` if a `controller` is set.
         """
-        require(
-            self.controller is None,
-            "controller",
-            self.controller,
-            f"None where {where}",
-            "leave it out, and give rtol and atol",
-        )
+        given, remedy = self.controller, "leave it out, and give rtol and atol"
+        require(given is None, "controller", given, f"None where {where}", remedy)
 
     def require_double(self) -> None:
         """Check that `allow_float32` is off, for runs that need double precision.
 
         **Raises:** `ValueError` if single precision is allowed.
         """
-        require(
-            not self.allow_float32,
-            "allow_float32",
-            True,
-            "False for sweeps and runs with derivatives",
-            "leave it out, and call clearjoint.configure() first",
-        )
+        expected = "False for sweeps and runs with derivatives"
+        remedy = "leave it out, and call clearjoint.configure() first"
+        require(not self.allow_float32, "allow_float32", True, expected, remedy)
 
 
 def settings_or(settings: Settings | None, default: Settings) -> Settings:

@@ -120,10 +120,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         # "First same as last": the last stage was evaluated at the end of the step.
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
-        error = jax.tree.map(
-            lambda *rates: h * _weighted(tableau.b_error, rates),
-            *stages,
-        )
+        error = jax.tree.map(lambda *rates: h * _weighted(tableau.b_error, rates), *stages)
         information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
 
@@ -269,14 +266,11 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 
     **Raises:** `ValueError` that names the solver's class.
     """
-    structure = solver.term_structure
-    require(
-        isinstance(structure, type) and issubclass(diffrax.ODETerm, structure),
-        "solver",
-        type(solver).__name__,
-        "a solver of ordinary differential equations without splitting",
-        "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()",
-    )
+    structure, kind = solver.term_structure, type(solver).__name__
+    fine = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
+    expected = "a solver of ordinary differential equations without splitting"
+    remedy = "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()"
+    require(fine, "solver", kind, expected, remedy)
 
 
 def ready_solver(
@@ -294,17 +288,11 @@ def ready_solver(
         solver = eqx.tree_at(
             lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
         )
-    if isinstance(solver, diffrax.AbstractImplicitSolver) and not _has_tolerances(solver):
-        finder = diffrax.VeryChord(rtol, atol, largest_component)
-        solver = eqx.tree_at(lambda s: s.root_finder, solver, finder)
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        # The default tolerance of a root finder is a marker, which only `diffrax.diffeqsolve`
+        # replaces by the tolerances of the controller.
+        given = getattr(solver.root_finder, "rtol", None)
+        if not isinstance(given, int | float | jax.Array):
+            finder = diffrax.VeryChord(rtol, atol, largest_component)
+            solver = eqx.tree_at(lambda s: s.root_finder, solver, finder)
     return solver
-
-
-def _has_tolerances(solver: diffrax.AbstractImplicitSolver) -> bool:
-    """Return whether the root finder of an implicit solver has numbers as tolerances.
-
-    Its default is a marker, which only `diffrax.diffeqsolve` replaces by the tolerances of the
-    controller.
-    """
-    rtol = getattr(solver.root_finder, "rtol", None)
-    return isinstance(rtol, int | float | jax.Array)

@@ -27,21 +27,13 @@ def check_span(start: Scalar, end: Scalar) -> None:
         require(number, name, value, "a single number", "pass one time in s")
     if (known := checkable(start, end)) is not None:
         first, last = known
-        require(
-            (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first),
-            "end_time",
-            end,
-            f"finite and after start_time = {as_shown(start)}",
-            "give times in s",
-        )
+        after = f"after start_time = {as_shown(start)}"
+        fine = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        require(fine, "end_time", end, f"finite and {after}", "give times in s")
         shortest = SHORTEST * float(jnp.finfo(float).tiny)
-        require(
-            last - first >= shortest,
-            "end_time",
-            end,
-            f"at least {shortest:.1g} s after start_time = {as_shown(start)}",
-            "give times in s; shorter spans are zero to the processor",
-        )
+        expected = f"at least {shortest:.1g} s {after}"
+        remedy = "give times in s; the processor takes shorter spans as zero"
+        require(last - first >= shortest, "end_time", end, expected, remedy)
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
@@ -58,13 +50,9 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     if (known := checkable(row, start, end)) is not None:
         row, first, last = known
         room = rounding(start, end, times)
-        require(
-            (row[0] >= first - room) & (row[-1] <= last + room),
-            argument,
-            [row[0], row[-1]],
-            f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}",
-            "leave out the times outside",
-        )
+        fine = (row[0] >= first - room) & (row[-1] <= last + room)
+        expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
+        require(fine, argument, [row[0], row[-1]], expected, "leave out the times outside")
         return row.astype(float).clip(first, last)
     return row
 
@@ -95,10 +83,9 @@ def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
 
     The least precise floating-point type among the arguments determines the rounding error.
     """
-    precision = max(float(jnp.finfo(_float_type(value)).eps) for value in (start, end, times))
+    precision = 0.0
+    for value in (start, end, times):
+        kind = value.dtype if isinstance(value, jax.Array) else np.asarray(value).dtype
+        kind = kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)
+        precision = max(precision, float(jnp.finfo(kind).eps))
     return ROUNDINGS * precision * (abs(start) + abs(end))
-
-
-def _float_type(value: ArrayLike) -> np.dtype:
-    kind = value.dtype if isinstance(value, jax.Array) else np.asarray(value).dtype
-    return kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)

@@ -46,8 +46,7 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal` in a scene
-    with contacts.
+    """Return three fields of the next `Proposal`, the step to try next, in a scene with contacts.
 
     **Arguments:**
 
@@ -57,6 +56,10 @@ def lengths_after_contacts(
     - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
       event.
     - `proposed`: the step-size controller's length for the next step, s.
+
+    **Returns:** `full_length`, the length of the next step without events, s; `begins_contact`,
+    whether a contact begins at its start; and `entry_length`, the length of the latest step that
+    began with an onset and was not cut short, s.
     """
     last = step.proposal
     length_tried = t1 - step.t
@@ -74,17 +77,17 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal`, s, in a scene with breakpoints but no contacts.
-    The arguments are those of `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal`, its length without events, s, in a scene with
+    breakpoints but no contacts. The arguments are those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length of the next step, s.
+    """Return the length of the next step without events, s.
 
-    It is the length that the controller `proposed`. But if the `last` step was cut short
-    (`is_cut`), it is at least that step's `full_length`.
+    It is the length that the step-size controller `proposed`. But if the `last` step was cut short
+    (`is_cut`), it is at least that step's length without events.
     """
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
@@ -126,10 +129,8 @@ def magnitudes(y: Variables) -> Variables:
     # An error of a deflection changes the friction force equally at all deflections. Its measure is
     # therefore the deflection at full friction, which is 1 here, also where a deflection passes
     # through zero.
-    def of_deflection(z: Scalar) -> Scalar:
-        return jnp.maximum(jnp.abs(z), 1.0)
-
-    return replace(sizes, bristles=jax.tree.map(of_deflection, y.bristles))
+    bristles = jax.tree.map(lambda z: jnp.maximum(jnp.abs(z), 1.0), y.bristles)
+    return replace(sizes, bristles=bristles)
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:

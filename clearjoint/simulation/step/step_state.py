@@ -4,7 +4,8 @@ try.
 A run tries a step, accepts or rejects it, and tries the next one. Steps end at events: the onset or
 the end of a contact, or a breakpoint, a time at which a driver or load is declared to change
 abruptly. The tangents of a run are derivatives of its variables with respect to p parameters, which
-are integrated together with the variables.
+are integrated together with the variables. Times are on the clock of the run's `System`, which
+counts the time from the system's `origin`, s; without an origin it shows the scene's time.
 """
 
 from typing import TypeAlias, TypeVar
@@ -105,8 +106,7 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """The complete state of a run between two steps.
 
-    - `t`: end of the latest accepted step, s, on the clock of the run's `System`, which may start
-      at zero.
+    - `t`: end of the latest accepted step, s.
     - `y`: the integrated variables at t.
     - `entry_speeds`: m/s, by joint and contact; the penetration rate at the onset of the present
       contact, zero without contact. Only contacts whose law uses it have one.

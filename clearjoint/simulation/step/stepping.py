@@ -11,7 +11,8 @@ native function.
 Terms: the entry speed of a contact is its penetration rate at its onset, m/s. Bristles are
 deflections of the surfaces in friction laws that can stick. Tangents are derivatives of the
 variables with respect to p parameters. A breakpoint is a declared time at which a driver or load
-changes abruptly.
+changes abruptly. The clock of a `System` counts the time from its `origin`, s; without an origin it
+shows the scene's time.
 """
 
 import warnings
@@ -19,7 +20,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -183,17 +183,6 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     return shapes
 
 
-class _AcceptedState(eqx.Module):
-    """The part of a `Step` that changes if a trial step is accepted; the fields are as in
-    `Step`."""
-
-    y: Variables
-    entry_speeds: EntrySpeeds
-    contact_gaps: ContactGaps
-    second_rates: ByLabel[Scalar]
-    tangents: Tangents | None
-
-
 def attempt(
     method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
@@ -248,8 +237,10 @@ def _accepted_state(
     trial: Trial,
     after: ContactGaps,
     keep: Condition,
-) -> _AcceptedState:
+) -> Step:
     """Return the state after a trial step, for the case that the trial is accepted.
+
+    Of this `Step`, only variables, entry speeds, contacts and tangents are new.
 
     Entry speeds are updated first, since they depend on the penetrations as the solver found them.
     Then the variables are corrected for discontinuities of forces at the end of the step. If the
@@ -259,11 +250,8 @@ def _accepted_state(
     trial; `keep`: whether the trial is accepted.
     """
     t1, y1 = trial.t1, trial.outcome.y
-    second_rates = choose(
-        keep,
-        _second_rates(method, system, y1, trial.outcome.solver_state, after),
-        step.second_rates,
-    )
+    second_rates = _second_rates(method, system, y1, trial.outcome.solver_state, after)
+    second_rates = choose(keep, second_rates, step.second_rates)
     entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
     if joints_have_breakpoints(system.scene):
@@ -273,7 +261,14 @@ def _accepted_state(
     if family is not None:
         assert y_tangents is not None
         tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
-    return _AcceptedState(y1, entry_speeds, after, second_rates, tangents)
+    return replace(
+        step,
+        y=y1,
+        entry_speeds=entry_speeds,
+        contact_gaps=after,
+        second_rates=second_rates,
+        tangents=tangents,
+    )
 
 
 def _across_discontinuities(
@@ -297,7 +292,8 @@ def _across_discontinuities(
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
     # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
-    contacts = method.landing is not None and (slopes or contacts_jump(system.scene))
+    lands = method.landing is not None
+    contacts = lands and (slopes or contacts_jump(system.scene))
     has_breakpoints = bool(breakpoints(system.scene))
     if not contacts and not has_breakpoints and not y1.bristles:
         return y1, y_tangents
@@ -313,14 +309,8 @@ def _across_discontinuities(
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
             gaps, motions = system.contact_gaps(y.motion), system.motions(y.motion)
-            bristles = updated_bristles(
-                system.scene,
-                y.bristles,
-                motions,
-                step.contact_gaps,
-                gaps,
-                method.landing is not None,
-            )
+            instants = motions, step.contact_gaps, gaps
+            bristles = updated_bristles(system.scene, y.bristles, *instants, lands)
             y = replace(y, bristles=bristles)
         return y, None
 

@@ -158,7 +158,15 @@ def try_step(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
         if slopes_may_jump(method, system.scene):
-            solver_state = _after_jump(method, system, step, t1, (y, entry_speeds, solver_state))
+            # The solver has kept the rates with the contacts of the last step. Where a contact has
+            # begun or ended, they agree with the new rates, but their derivatives do not, because
+            # the slope of a force jumps. There the solver's state is computed anew.
+            kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
+            solver_state = jax.lax.cond(
+                step.proposal.made_jump,
+                lambda: method.solver.init(term_of(method, step), *start),
+                lambda: kept,
+            )
         y1, error, information, solver_state, result = method.solver.step(
             term_of(method, step),
             step.t,
@@ -187,30 +195,6 @@ def try_step(
         finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     return Trial(t1, time_map, _unless(finite, outcome, step.y), tangents, finite, result)
-
-
-def _after_jump(
-    method: Method,
-    system: System,
-    step: Step,
-    t1: Scalar,
-    start: tuple[Variables, EntrySpeeds, SolverState],
-) -> SolverState:
-    """Return the solver's state at the start of a step: computed anew if a contact began or ended
-    there, otherwise the state that the solver kept.
-
-    The solver has kept the rates with the contacts of the last step. They agree with the new rates,
-    but their derivatives do not if the slope of a force jumps.
-
-    **Arguments:** `step`, `t1`: start and end, s, of the step; `start`: variables, entry speeds and
-    kept solver state at the start of the step.
-    """
-    y, entry_speeds, kept = start
-
-    def evaluated() -> SolverState:
-        return method.solver.init(term_of(method, step), step.t, t1, y, (system, entry_speeds))
-
-    return jax.lax.cond(step.proposal.made_jump, evaluated, lambda: kept)
 
 
 def _without_drift(
