@@ -61,18 +61,19 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     return SCENE_HEAD.format(scene=scene) + saved, text
 
 
-def write_example(mechanism: str, folder: Path) -> list[Path]:
+def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     """Write the scene file and the study file of a mechanism into a folder; return their paths.
 
     **Raises:** `ValueError` if one of the files exists.
     """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
-    paths = [folder / name for name in names]
-    for path in paths:
-        if path.exists():
-            remedy = "remove it, or choose another folder by --out"
-            FileLocation(str(path)).refuse("a file", "no existing file", remedy)
+    scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)
-    for path, text in zip(paths, example_texts(mechanism, *names), strict=True):
+    for path in (scene, study):
+        if path.exists():
+            FileLocation(str(path)).refuse(
+                "a file", "no existing file", "remove it, or choose another folder by --out"
+            )
+    for path, text in zip((scene, study), example_texts(mechanism, *names), strict=True):
         path.write_text(text, encoding="utf-8")
-    return paths
+    return scene, study

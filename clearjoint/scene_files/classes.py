@@ -24,6 +24,7 @@ from typing import (
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ..fields.checks import require
 from ..fields.readable import AbstractReadable
@@ -34,11 +35,14 @@ from .locations import FileLocation, listed
 
 PACKAGE = __name__.split(".")[0]
 MAIN = "__main__"
-CONSTRUCTORS: dict[type, Callable[..., object]] = {BodyState: body_state}
-"""Functions that check arguments and make an instance, by the class, for classes whose constructors
-do not check."""
 REQUIRED = inspect.Parameter.empty
 Classes: TypeAlias = Collection[type]
+Maker: TypeAlias = Callable[..., PyTree]
+"""Function that makes the object of a table: a class, or a static method such as `Body.rod`, which
+returns an object of its class."""
+CHECKED: dict[Maker, Maker] = {BodyState: body_state}
+"""Functions that check their arguments, by the class whose objects they make, for classes whose
+constructors do not check."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class Expectation:
     - `shapes`: shapes that its numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: enumeration whose members are the only allowed values.
+    - `options`: values by the only texts that are allowed and stand for them; None if any text is.
     - `is_text`: whether a text is allowed.
     - `is_flag`: whether true and false are allowed.
     - `is_anything`: whether any value is allowed, since the annotation says nothing.
@@ -62,7 +66,7 @@ class Expectation:
     shapes: tuple[tuple[int, ...], ...] = ()
     is_array: bool = False
     classes: tuple[type, ...] = ()
-    options: type[Enum] | None = None
+    options: Mapping[str, object] | None = None
     is_text: bool = False
     is_flag: bool = False
     is_anything: bool = False
@@ -99,24 +103,24 @@ def is_abstract(kind: type) -> bool:
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
-def known_kinds(families: tuple[type, ...], given: Classes) -> dict[str, tuple[type, str]]:
-    """Return what a file may name as `kind`: by name, such as "Body" and "Body.rod", the class and
-    the name of its static method that makes an object, "" for the constructor.
+def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
+    """Return the classes and static methods that a file may name as `kind`, by their names, such as
+    "Body" and "Body.rod".
 
     A class that the caller passes may have two names, with and without its module.
 
-    **Arguments:** `families`: base classes, one of which a class must have, or none for any class;
-    `given`: user-defined classes that the caller passes.
+    **Arguments:** `families`: base classes, one of which the object must have, or none for any
+    object; `given`: user-defined classes that the caller passes.
     """
     included = filter(is_from_package, _subclasses(AbstractReadable))
     named = {kind.__name__: kind for kind in (*given, *included)}
     named |= {class_name(kind): kind for kind in given}
-    return {
-        f"{name}.{factory}" if factory else name: (kind, factory)
-        for name, kind in named.items()
-        if issubclass(kind, families or (object,)) and not is_abstract(kind)
-        for factory in ("", *factories(kind))
-    }
+    found: dict[str, Maker] = {}
+    for name, kind in named.items():
+        if issubclass(kind, families or (object,)) and not is_abstract(kind):
+            found[name] = kind
+            found |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
+    return found
 
 
 def _subclasses(kind: type) -> Iterator[type]:
@@ -125,27 +129,40 @@ def _subclasses(kind: type) -> Iterator[type]:
         yield from _subclasses(subclass)
 
 
+@cache
+def _static_methods(kind: type) -> dict[str, Maker]:
+    """Return the public static methods of a class that are annotated to return an object of the
+    class, by name."""
+    return {
+        name: member.__func__
+        for name, member in vars(kind).items()
+        if isinstance(member, staticmethod)
+        and not name.startswith("_")
+        and _hints(member.__func__).get("return") is kind
+    }
+
+
 def family_names(families: tuple[type, ...]) -> str:
     """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
     return " or ".join(kind.__name__ for kind in families)
 
 
-def find_kind(
+def find_maker(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
-) -> tuple[type, str]:
-    """Return the class that a file names, and the name of its static method or "".
+) -> Maker:
+    """Return the class or static method that a file names.
 
     **Arguments:**
 
     - `name`: the name in the file. For "__main__:Class", which a script has saved, a class "Class"
       of any module is found.
-    - `families`, `given`: as for `known_kinds`.
+    - `families`, `given`: as for `makers`.
     - `location`: place of the name in the file, for error messages.
 
     **Raises:** `ValueError` if the name is no text or unknown, if the class has none of the base
     classes, or if the caller has not passed a user-defined class.
     """
-    known = known_kinds(families, given)
+    known = makers(families, given)
     expected = f"one of {listed(known)}"
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
@@ -153,7 +170,7 @@ def find_kind(
     found = known.get(short if module == MAIN else name)
     if found is not None:
         return found
-    if name in known_kinds((), given):
+    if name in makers((), given):
         location.refuse(name, expected, f"take a subclass of {family_names(families)}")
     if module:
         expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
@@ -164,34 +181,12 @@ def find_kind(
 
 
 @cache
-def factories(kind: type) -> dict[str, Callable[..., object]]:
-    """Return the public static methods of a class that are annotated to return an instance of it,
-    by name."""
-    methods = {
-        name: member.__func__
-        for name, member in vars(kind).items()
-        if isinstance(member, staticmethod) and not name.startswith("_")
-    }
-    return {
-        name: method for name, method in methods.items() if _hints(method).get("return") is kind
-    }
-
-
-def constructor(kind: type, factory: str = "") -> Callable[..., object]:
-    """Return the function that makes an instance of a class: its static method named `factory`, or,
-    for an empty name, its constructor."""
-    return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
-
-
-@cache
-def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
-    """Return the accepted values of each argument, by its name, of a class's constructor.
-
-    With `factory`, the arguments are those of the static method of this name.
-    """
-    make = constructor(kind, factory)
-    make = kind.__init__ if make is kind else make
-    hints = _hints(make) | _hints(kind)
+def arguments(make: Maker) -> dict[str, Expectation]:
+    """Return the accepted values of each argument of a class's constructor, or of a static method
+    that makes an object of its class, by the argument's name."""
+    make = CHECKED.get(make, make)
+    kind = make if isinstance(make, type) else _hints(make)["return"]
+    hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
     return {
         name: replace(
@@ -199,8 +194,7 @@ def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
             default=parameter.default,
         )
         for name, parameter in inspect.signature(make).parameters.items()
-        if name != "self"
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     }
 
 
@@ -221,7 +215,7 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
     )
 
 
-def _hints(owner: object) -> dict[str, object]:
+def _hints(owner: object) -> dict[str, Any]:
     """Return the annotations of a class or function by name; as texts if one of them names a type
     that is unknown at run time."""
     try:
@@ -249,13 +243,13 @@ def expectation(annotation: object) -> Expectation:
             merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
         return Expectation(**merged)
     if origin is Literal:
-        return Expectation(is_text=True)
+        return Expectation(options={str(text): text for text in inner})
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
         return Expectation(by_name=expectation(inner[1]))
     if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
         return Expectation(item=expectation(inner[0]))
     if inspect.isclass(annotation) and issubclass(annotation, Enum):
-        return Expectation(options=annotation)
+        return Expectation(options=annotation.__members__)
     if inspect.isclass(annotation) and is_dataclass(annotation):
         return Expectation(classes=(annotation,))
     if annotation is Any or isinstance(annotation, str | TypeVar):

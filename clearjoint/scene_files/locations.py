@@ -1,17 +1,71 @@
 """Name locations in a file, and raise errors about the values there."""
 
+import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NoReturn, TypeAlias
 
+from ..fields.checks import require
+
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
+KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
+"""One key of a written path, bare or in quotation marks, in brackets or followed by a dot."""
 LONGEST = 60
 """Largest number of characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
 """Error messages name lines of TOML files with at most this number of characters."""
+
+
+def split(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path: ("joints", "crank pin", "clearance") for
+    "joints.crank pin.clearance".
+
+    Keys that contain dots are in quotation marks. Keys and indices may also be in brackets, as in
+    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. What is not part
+    of a path, such as a second dot after the first, is left out.
+    """
+    return tuple("".join(groups) for groups in KEY.findall(text))
+
+
+def keys_of(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path, see `split`.
+
+    **Raises:** `ValueError` for a text that is not a path.
+    """
+    expected = "names with dots between, such as joints.pin.clearance"
+    remedy = "put names that contain dots into quotation marks"
+    is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
+    require(is_whole, "path", text, expected, remedy)
+    return split(text)
+
+
+def written(keys: Keys) -> str:
+    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]"; keys that
+    contain dots are quoted."""
+    steps = [
+        f"[{key}]" if isinstance(key, int) else f".'{key}'" if "." in key else f".{key}"
+        for key in keys
+    ]
+    return "".join(steps).removeprefix(".")
+
+
+def existing(content: object, keys: Sequence[str | int]) -> Keys:
+    """Return `keys` as far as they lead to entries of nested tables and lists, with indices of
+    lists as integers."""
+    found: list[str | int] = []
+    for key in keys:
+        if isinstance(content, Mapping) and key in content:
+            content = content[key]
+        elif isinstance(content, list) and str(key).isdecimal() and int(key) < len(content):
+            key = int(key)
+            content = content[key]
+        else:
+            break
+        found.append(key)
+    return tuple(found)
 
 
 class Source:
@@ -35,9 +89,7 @@ class Source:
                 return f" with --set {self.changes[keys[:depth]]}"
         if not self._is_toml or len(self._text) > LONGEST_SOURCE:
             return ""
-        whole = tomllib.loads(self._text)
-        while keys and not _has(whole, keys):
-            keys = keys[:-1]
+        keys = existing(tomllib.loads(self._text), keys)
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
@@ -56,22 +108,14 @@ class Source:
 
         # tomllib reports no positions. The statement ends where the beginning of the file, if
         # parsed alone, has the key for the first time.
-        counts = range(len(lines))
-        end = bisect_left(counts, True, key=lambda count: _has(valid_lines(count)[1], keys))
+        end = bisect_left(
+            range(len(lines)), True, key=lambda n: existing(valid_lines(n)[1], keys) == keys
+        )
         # A statement of several lines begins after the valid text before it.
         first = valid_lines(end - 1)[0]
         while not lines[first].strip() or lines[first].lstrip().startswith("#"):
             first += 1
         return first + 1
-
-
-def _has(tables: object, keys: Keys) -> bool:
-    for key in keys:
-        try:
-            tables = tables[key]  # pyright: ignore
-        except (KeyError, IndexError, TypeError):
-            return False
-    return True
 
 
 class FileLocation:
@@ -92,9 +136,8 @@ class FileLocation:
         return FileLocation(self.file, (*self.keys, *keys), self.source)
 
     def __str__(self) -> str:
-        path = "".join(map(_step, self.keys)).removeprefix(".")
         where = "" if self.source is None else self.source.where(self.keys)
-        return f"{self.file}{where}, `{path}`" if path else self.file
+        return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
         """Raise a `ValueError` that names this location, the value found there, what was expected,
@@ -126,12 +169,6 @@ def _shown(value: object) -> str:
         return f"[{', '.join(texts)}]"
     text = repr(value)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
-
-
-def _step(key: str | int) -> str:
-    if isinstance(key, int):
-        return f"[{key}]"
-    return f".{key}" if key.replace("-", "_").isidentifier() else f".{key!r}"
 
 
 def listed(names: Iterable[str]) -> str:

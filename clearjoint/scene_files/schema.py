@@ -9,14 +9,14 @@ from .classes import (
     REQUIRED,
     Classes,
     Expectation,
+    Maker,
     arguments,
-    constructor,
     is_abstract,
-    known_kinds,
+    makers,
     require_classes,
 )
 from .formats import SCHEMA
-from .reading import EULER_PARAMETERS, KIND, ROTATION
+from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -72,20 +72,20 @@ class Catalogue:
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
-    def properties(self, kind: type, factory: str = "") -> Schema:
-        """Return the schemas of the arguments of a class's constructor, or of its static method
-        named `factory`, by name."""
+    def properties(self, make: Maker) -> Schema:
+        """Return the schemas of the arguments of a class's constructor, or of a static method that
+        makes an object of its class, by name."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
-            for name, expected in arguments(kind, factory).items()
+            for name, expected in arguments(make).items()
         }
 
     def _value(self, expected: Expectation) -> Schema:
         if expected.is_anything:
             return {}
         if expected.options is not None:
-            return {"enum": list(expected.options.__members__)}
+            return {"enum": list(expected.options)}
         if expected.by_name is not None:
             return {"type": "object", "additionalProperties": self._value(expected.by_name)}
         if expected.item is not None:
@@ -98,26 +98,25 @@ class Catalogue:
         return _numbers(expected.shapes)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        implied = len(families) == 1 and not is_abstract(families[0])
-        names: dict[tuple[type, str], list[str]] = {}
-        for name, maker in known_kinds(families, self.classes).items():
-            names.setdefault(maker, []).append(name)
-        for (kind, factory), known in names.items():
+        """Return references to the definitions of all objects with one of the base classes, and
+        add those definitions that are missing."""
+        implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
+        names: dict[Maker, list[str]] = {}
+        for name, make in makers(families, self.classes).items():
+            names.setdefault(make, []).append(name)
+        for make, known in names.items():
             if known[-1] not in self.definitions:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
-                properties = {KIND: {"enum": sorted(known)}} | self.properties(kind, factory)
-                needed = [] if implied and not factory else [KIND]
-                for name, expected in arguments(kind, factory).items():
+                properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
+                needed = [] if make is implied else [KIND]
+                for name, expected in arguments(make).items():
                     # The unit of a reduction may be omitted: it is that of its quantity.
                     is_implied = name == "unit" and "quantity" in properties
                     if expected.default is REQUIRED and not is_implied:
                         needed.append(name)
-                documented = constructor(kind, factory) if factory else kind
-                summary = (documented.__doc__ or "").strip().split("\n")[0]
-                self.definitions[known[-1]] = {
-                    **_table(properties, needed),
-                    "description": summary,
-                }
+                summary = (make.__doc__ or "").strip().split("\n")[0]
+                definition = _table(properties, needed) | {"description": summary}
+                self.definitions[known[-1]] = definition
         return [_reference(known[-1]) for known in names.values()]
 
 
@@ -151,6 +150,7 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
             schema = _list_of(schema, size)
         schemas.append(schema)
         if shape == EULER_PARAMETERS:
-            entries: Schema = {name: _numbers(entry.shapes) for name, entry in ROTATION.items()}
-            schemas.append(_table(entries, list(entries)))
+            entries = arguments(axis_and_angle)
+            properties: Schema = {name: _numbers(entry.shapes) for name, entry in entries.items()}
+            schemas.append(_table(properties, list(properties)))
     return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}

@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -116,15 +116,10 @@ class Film:
             remedy = "install ffmpeg, or save a GIF, which does not need it"
             require(has_ffmpeg, "file", str(file), "a GIF, since ffmpeg is missing", remedy)
             writer = FFMpegWriter(FRAMES_PER_SECOND)
-
-        def draw(k: int) -> list[PolyCollection]:
-            self.show(k)
-            return [self._triangles]  # matplotlib expects the artists that have changed
-
-        # `init_func` does nothing (`list()` is empty). Without it, matplotlib would draw the first
-        # frame an additional time.
-        animation = FuncAnimation(self.figure, draw, frames=frames, init_func=list)
-        animation.save(file, writer=writer, dpi=DPI)
+        with writer.saving(self.figure, str(file), DPI):
+            for k in frames:
+                self.show(k)
+                writer.grab_frame()
 
     def _describe(self, legend: Legend) -> None:
         patches = [

@@ -151,9 +151,8 @@ def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh with the vertices and faces of several meshes."""
-    firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + first for mesh, first in zip(meshes, firsts[:-1], strict=True)]
-    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
+    vertices, faces = zip(*meshes, strict=True)
+    return Mesh(*needed("trimesh").util.append_faces(vertices, faces))
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
@@ -181,15 +180,31 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     return Mesh(vertices.astype(float), faces.astype(int))
 
 
-def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero;
-    the turn about this axis is arbitrary."""
-    along = np.asarray(axis, dtype=float)
-    along = along / np.linalg.norm(along)
-    start = np.eye(3)[np.argmin(np.abs(along))]
-    second = np.cross(along, start)
-    second /= np.linalg.norm(second)
-    return np.stack([np.cross(second, along), second, along], axis=1)
+def frames(
+    axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
+) -> Float[np.ndarray, "N 4 4"]:
+    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
+
+    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
+    directions near which the first columns shall lie, any by default.
+    """
+    if start is None:
+        start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    poses = np.tile(np.eye(4), (len(axes), 1, 1))
+    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
+    return poses
+
+
+def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
+    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
+
+    The first column lies near `start`, (3,), any direction by default.
+    """
+    rows = np.asarray(axis, dtype=float)[None]
+    near = None if start is None else np.asarray(start, dtype=float)[None]
+    return frames(rows / np.linalg.norm(rows), near)[0, :3, :3]
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:

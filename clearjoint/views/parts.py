@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from .meshes import Mesh
+from .meshes import Mesh, frames
 
 BODIES = (
     "#0072B2",
@@ -74,23 +74,6 @@ def between(
     poses[:, :3, 2] *= length
     poses[:, :3, 3] = starts
     return still(poses)
-
-
-def frames(
-    axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
-) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
-
-    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions near which the first columns shall lie, any by default.
-    """
-    if start is None:
-        start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    poses = np.tile(np.eye(4), (len(axes), 1, 1))
-    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
-    return poses
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:

@@ -8,10 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fields.checks import require, require_positive
+from ..model.bodies import Body
 from ..model.scene import Scene
+from ..model.survey import SurveyingPen
+from .meshes import frame_about
 from .parts import FORCE, LOAD, DrawnPart, corners
 from .poses import BodyPoses
-from .survey import SurveyingPen, equivalent_solid, points_by_body
 
 BAR = 0.014
 """Radius of a bar as a fraction of the size of the mechanism."""
@@ -23,6 +25,8 @@ largest, if the scale is chosen automatically."""
 WIDEST_GAP = 0.9
 """Largest accepted drawn clearance as a fraction of the drawn radius of its bearing, for a scale
 that the user gives."""
+ALIKE = 1e-3
+"""Two principal moments of inertia count as equal up to this relative difference."""
 PLANAR = 0.95
 """A mechanism counts as planar if the squared components of all joint axes along their main
 direction are more than this fraction of all squared components."""
@@ -93,14 +97,46 @@ def proportions(
     return Proportions(size, bar, float(bearing_scale), float(clearance_scale), front, up, planar)
 
 
+class BodySolid(NamedTuple):
+    """A homogeneous solid with the mass and moments of inertia of a body.
+
+    - `axes`: (3, 3), whose columns are the axes of the solid, in body axes.
+    - `sides`: (3,) m, lengths of the solid along these axes.
+    - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
+      sides are then its diameter.
+    """
+
+    axes: np.ndarray
+    sides: np.ndarray
+    round: bool
+
+
+def equivalent_solid(body: Body) -> BodySolid:
+    """Return the solid with a body's mass and moments of inertia.
+
+    It is a cylinder if exactly two principal moments are equal, else a box.
+    """
+    inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
+    moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
+    if len(equal) == 1:
+        across, along = moments[equal[0] - 1], moments[equal[0]]
+        radius = np.sqrt(2.0 * along / mass)
+        length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
+        third = frame_about(axes[:, equal[0]])
+        return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
+    sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
+    return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
+
+
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
     is a point."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
-    joined = points_by_body(noted.markers, scene.bodies)
     for name, body in scene.bodies.items():
-        solid = equivalent_solid(body)
-        if len(np.unique(np.round(joined[name], 9), axis=0)) <= 1:
+        joined = {tuple(np.round(m.point, 9)) for m in noted.markers if m.body == name}
+        if len(joined) <= 1:  # such a body is drawn as its equivalent solid
+            solid = equivalent_solid(body)
             ends = solid.axes * (0.5 * solid.sides)
             points += [poses.point(name, sign * end)[0] for end in ends.T for sign in (-1, 1)]
     box = np.ptp(np.array(points), axis=0)

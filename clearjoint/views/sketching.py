@@ -15,11 +15,10 @@ from ..model.clearance_joints.journal_bases import BASES, SIDES
 from ..model.pen import AbstractPen, Marker
 from ..model.scene import Scene
 from . import meshes
-from .meshes import Mesh, frame_about, pose_at
-from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, frames, still
+from .meshes import Mesh, frame_about, frames, pose_at
+from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, still
 from .poses import BodyPoses
-from .proportions import Proportions
-from .survey import equivalent_solid
+from .proportions import Proportions, equivalent_solid
 
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
@@ -55,17 +54,15 @@ def drawn_journal(
     poses: BodyPoses,
     bearing: Marker,
     journal: Marker,
-    *,
     radius: float,
     length: float,
-    clearance_scale: float,
-    bearing_scale: float,
+    sizes: Proportions,
 ) -> DrawnJournal:
     """Return a journal as it is drawn, with eccentricities that are enlarged.
 
     **Arguments:** `bearing`, `journal`: points and axes on their bodies; `radius`: drawn radius of
-    the journal, m; `length`: true length of the journal, m; `clearance_scale`, `bearing_scale`:
-    drawn size divided by true size of eccentricities and of the journal's length.
+    the journal, m; `length`: true length of the journal, m; `sizes`: has the scales by which
+    eccentricities and lengths are enlarged.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())
@@ -77,8 +74,8 @@ def drawn_journal(
         offset = reach + journal_axis * (0.5 * side * length)
         across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
         along = np.sum(reach * axis, axis=1, keepdims=True)
-        along = along + 0.5 * side * sense * length * bearing_scale
-        ends.append(centre + axis * along + across * clearance_scale)
+        along = along + 0.5 * side * sense * length * sizes.bearing_scale
+        ends.append(centre + axis * along + across * sizes.clearance_scale)
     drawn_axis = ends[1] - ends[0]
     drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
     # A direction across the axis that rotates with the journal.
@@ -115,6 +112,7 @@ class SketchingPen(AbstractPen):
         self.loads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
+        self._bar = proportions.bar
         # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
@@ -131,43 +129,41 @@ class SketchingPen(AbstractPen):
 
     def mark(self, marker: Marker) -> None:
         """Draw a small ball."""
-        self._fix(marker, meshes.ball(1.3 * self._sizes.bar), METAL)
+        self._fix(marker, meshes.ball(1.3 * self._bar), METAL)
         self._hold(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """Draw a cube."""
-        self._fix(first, meshes.box([2.6 * self._sizes.bar] * 3), METAL)
+        """Draw a cube at the first marker."""
+        self._fix(first, meshes.box([2.6 * self._bar] * 3), METAL)
         self._hold(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
         """Draw a pin that protrudes from both bodies."""
-        bar = self._sizes.bar
-        self._fix(first, meshes.cylinder(0.7 * bar, 6.0 * bar), METAL)
+        self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
         for marker in (first, second):
-            behind = self._behind(marker) * (3.5 * bar if marker.body == GROUND else 0.0)
-            self._hold(marker._replace(point=np.asarray(marker.point) + behind))
+            behind = 3.5 * self._bar if marker.body == GROUND else 0.0
+            self._hold(self._moved_back(marker, behind))
 
     def ball(self, first: Marker, second: Marker) -> None:
         """Draw the ball of a spherical joint at the first of two markers, larger than the bars."""
-        self._fix(first, meshes.ball(1.6 * self._sizes.bar), METAL)
+        self._fix(first, meshes.ball(1.6 * self._bar), METAL)
         self._hold(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Draw two pins."""
-        arm = meshes.cylinder(0.6 * self._sizes.bar, 6.0 * self._sizes.bar)
+        """Draw a pin along the axis of each marker."""
         for marker in (first, second):
-            self._fix(marker, arm, METAL)
+            self._fix(marker, meshes.cylinder(0.6 * self._bar, 6.0 * self._bar), METAL)
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
         """Draw a thin rail as long as the motion along it, and a block or a sleeve."""
-        bar, axis = self._sizes.bar, rail.along()
+        bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
-        line = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
-        self._fix(Marker(rail.body, middle, axis), line, self._colours[rail.body])
-        size = 2.0 * bar
-        shape = meshes.box((size, size, 2.0 * size))
+        self._fix(
+            Marker(rail.body, middle, axis), meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
+        )
+        shape = meshes.box((2.0 * bar, 2.0 * bar, 4.0 * bar))
         if turning:
             shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)
         poses = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
@@ -177,22 +173,21 @@ class SketchingPen(AbstractPen):
 
     def plane(self, plane: Marker, point: Marker) -> None:
         """Draw a transparent square, and a ball on it."""
-        bar = self._sizes.bar
-        square = meshes.box((10.0 * bar, 10.0 * bar, 0.2 * bar))
-        self._fix(plane, square, self._colours[plane.body], CLEAR)
-        self._fix(point, meshes.ball(1.2 * bar), METAL)
+        square = meshes.box((10.0 * self._bar, 10.0 * self._bar, 0.2 * self._bar))
+        self._fix(plane, square, opacity=CLEAR)
+        self._fix(point, meshes.ball(1.2 * self._bar), METAL)
         self._hold(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
         """Draw a thin cylinder."""
-        rod = meshes.cylinder(0.5 * self._sizes.bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
+        rod = meshes.cylinder(0.5 * self._bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
         self._span(rod, *self._ends(first, second))
 
     def spring(self, first: Marker, second: Marker) -> None:
         """Draw a coil."""
-        bar, ends = self._sizes.bar, self._ends(first, second)
-        length = max(float(np.linalg.norm(ends[1] - ends[0], axis=1).mean()), bar)
-        self._span(meshes.coil(1.2 * bar, 0.25 * bar, length), *ends)
+        start, end = self._ends(first, second)
+        length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
+        self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
     def load(self, marker: Marker, force: Triple) -> None:
         """Add a load, (3,) N in global axes, to `loads`; its arrow is made when the scale of forces
@@ -210,82 +205,68 @@ class SketchingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Draw an open cylinder, and the journal in it with exaggerated eccentricity."""
+        """Draw an open cylinder, and the journal in it with enlarged eccentricity."""
         sizes = self._sizes
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
-        drawn = drawn_journal(
-            self._poses,
-            bearing,
-            journal,
-            radius=bore - float(clearance) * sizes.clearance_scale,
-            length=float(length),
-            clearance_scale=sizes.clearance_scale,
-            bearing_scale=sizes.bearing_scale,
-        )
-        ring = meshes.tube(bore, outer, wide)
-        self._fix(bearing, ring, self._colours[bearing.body])
-        pin = meshes.cylinder(drawn.radius, JOURNAL_LENGTH * wide)
+        inner = bore - float(clearance) * sizes.clearance_scale
+        drawn = drawn_journal(self._poses, bearing, journal, inner, float(length), sizes)
+        self._fix(bearing, meshes.tube(bore, outer, wide))
+        pin = meshes.cylinder(inner, JOURNAL_LENGTH * wide)
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
-        behind = self._behind(journal) * (0.5 * wide + 1.2 * sizes.bar)
-        self._hold(journal._replace(point=np.asarray(journal.point) + behind))
+        self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw a transparent shell, and the ball in it with exaggerated eccentricity."""
-        sizes = self._sizes
-        bore = sizes.bore(float(radius))
-        shell = meshes.ball(bore).moved(pose_at(np.asarray(socket.point)))
-        self._add(socket.body, shell, self._colours[socket.body], CLEAR)
-        inner = meshes.ball(bore - float(clearance) * sizes.clearance_scale)
+        """Draw a transparent shell, and the ball in it with enlarged eccentricity."""
+        bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
+        self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
+        inner = meshes.ball(bore - float(clearance) * scale)
         poses = self._poses.poses[ball.body].copy()
         centre = self._poses.point(socket.body, socket.point)
-        eccentricity = self._poses.point(ball.body, ball.point) - centre
-        poses[:, :3, 3] = centre + sizes.clearance_scale * eccentricity
+        poses[:, :3, 3] = centre + scale * (self._poses.point(ball.body, ball.point) - centre)
         self._moving.append(DrawnPart(self.element, inner, poses, METAL, is_journal=True))
         self._hold(socket, around=bore)
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
         """Draw two plates as long as the motion of the runner between them."""
-        bar, depth = self._sizes.bar, 8.0 * self._sizes.bar
-        frame = self._in_plane(middle.body, normal)
-        low, high = self._range(middle, runner, frame[:, 0])
-        length, gap = high - low + 2.0 * float(distance) + 2.0 * bar, float(distance)
-        centre = np.asarray(middle.point) + frame[:, 0] * (0.5 * (low + high))
-        for side in (-1.0, 1.0):
-            at = centre + frame[:, 1] * (0.5 * side * (gap + bar))
-            plate = meshes.box((length, bar, depth)).moved(pose_at(at, frame))
-            self._add(middle.body, plate, self._colours[middle.body])
-        self._corners[middle.body].append(np.asarray(centre))
+        # Columns in body axes: along the walls, their normal, and near the direction of view.
+        upwards = _unit(normal)
+        along = _unit(np.cross(upwards, self._components(middle.body, self._sizes.front)))
+        frame = np.stack([along, upwards, np.cross(along, upwards)], axis=1)
+        low, high = self._range(middle, runner, along)
+        centre = np.asarray(middle.point) + along * (0.5 * (low + high))
+        gap = float(distance)
+        plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
+        for side in (-0.5, 0.5):
+            at = centre + upwards * (side * (gap + self._bar))
+            self._add(middle.body, plate.moved(pose_at(at, frame)))
         self._shaped.add(middle.body)
-        self.drawn.add(self.element)
+        self._hold(middle._replace(point=centre))
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
         """Draw a box."""
         across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
-        box = meshes.box((float(length), float(height), 5.0 * self._sizes.bar))
-        self._add(centre.body, box.moved(pose_at(centre.point, frame)), self._colours[centre.body])
+        box = meshes.box((float(length), float(height), 5.0 * self._bar))
+        self._add(centre.body, box.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)
         self._hold(centre)
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
         """Draw a cylinder along the direction of view."""
         axis = self._components(centre.body, self._sizes.front)
-        pin = meshes.cylinder(float(radius), 9.0 * self._sizes.bar)
+        pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
         self._hold(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         """Draw a gear wheel."""
         frame = _toothed_frame(centre.along(), float(phase))
-        count = round(abs(float(teeth)))
-        wheel = meshes.gear(float(radius), count, 2.4 * self._sizes.bar)
-        self._add(
-            centre.body, wheel.moved(pose_at(centre.point, frame)), self._colours[centre.body]
-        )
+        wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
+        self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)
         self._hold(centre)
 
@@ -294,41 +275,41 @@ class SketchingPen(AbstractPen):
         points = self._distinct(name)
         if name in self._shaped and len(points) <= 1:
             return
-        solid = equivalent_solid(body)
-        size = NEAR * self._sizes.size
-        if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * solid.sides.max():
+        longest = equivalent_solid(body).sides.max()
+        if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * longest:
             self.solid(name, body)
             points = np.vstack([points, np.zeros((1, 3))])
-        if np.ptp(points, axis=0).max() > size:
-            skin = meshes.hull(points, self._sizes.bar)
-            self._add(name, skin, self._colours[name])
+        if np.ptp(points, axis=0).max() > NEAR * self._sizes.size:
+            self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
         """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
         solid = equivalent_solid(body)
-        thin = np.sort(solid.sides)[1] <= 2.0 * self._sizes.bar
-        sides = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
+        thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
+        sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
         shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
-        shape = shape.moved(pose_at((0.0, 0.0, 0.0), solid.axes))
-        self._add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
+        pose = pose_at((0.0, 0.0, 0.0), solid.axes)
+        self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
         """Draw a black ball, larger than the bar, at the origin of a body's frame."""
-        self._add(name, meshes.ball(1.5 * self._sizes.bar), "#000000")
+        self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
         """Draw a mesh that the user passes, in body axes, instead of the hull."""
-        self._add(name, mesh, self._colours[name])
+        self._add(name, mesh)
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand below each joint of the ground."""
-        bar = self._sizes.bar
-        frame = frames(down[None], self._sizes.front[None] + 1e-6)[0, :3, :3]
+        """Draw a stand below each joint of the ground.
+
+        **Arguments:** `down`: unit vector from the joints to the stands, in global axes.
+        """
+        frame = frame_about(down, self._sizes.front + 1e-6)
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
+        stand = meshes.pyramid(4.0 * self._bar, 5.0 * self._bar, 2.5 * self._bar)
         for point in self._distinct(GROUND):
-            stand = meshes.pyramid(4.0 * bar, 5.0 * bar, 2.5 * bar).moved(pose_at(point, frame))
-            self._add(GROUND, stand, GROUND_COLOUR)
+            self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _distinct(self, name: str) -> np.ndarray:
         """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
@@ -340,16 +321,16 @@ class SketchingPen(AbstractPen):
                 distinct.append(point)
         return np.reshape(distinct, (-1, 3))
 
-    def _add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m."""
-        self._fixed.setdefault((body, colour, opacity), []).append(mesh)
+    def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
+        """Fix a solid to a body; the mesh is in body axes, m. The default is the body's colour."""
+        key = body, colour or self._colours[body], opacity
+        self._fixed.setdefault(key, []).append(mesh)
 
-    def _fix(self, marker: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
+    def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
         axis along the marker's axis if the marker has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
-        moved = mesh.moved(pose_at(marker.point, rotation))
-        self._add(marker.body, moved, colour, opacity)
+        self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of both markers, (N, 3) m each in global axes, and extend the hulls
@@ -385,24 +366,17 @@ class SketchingPen(AbstractPen):
         size = np.linalg.norm(inwards)
         return inwards * (distance / size) if size > distance else np.zeros(3)
 
-    def _behind(self, marker: Marker) -> np.ndarray:
-        """Return the sense of a marker's axis that points away from the viewer in the first frame,
-        (3,) unit vector in body axes."""
+    def _moved_back(self, marker: Marker, distance: float) -> Marker:
+        """Return a marker that is moved along its axis by a distance, m, away from the viewer in
+        the first frame."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
-        return -axis if towards_viewer >= 0.0 else axis
+        behind = (-axis if towards_viewer >= 0.0 else axis) * distance
+        return marker._replace(point=np.asarray(marker.point) + behind)
 
     def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
         """Return the components in body axes, (3,), of a global direction in the first frame."""
         return self._poses.poses[body][0, :3, :3].T @ direction
-
-    def _in_plane(self, body: str, normal: Triple) -> np.ndarray:
-        """Return a matrix (3, 3) whose columns are, in body axes: the direction along a wall, its
-        normal, and the perpendicular of both, near the direction of view."""
-        upwards = _unit(normal)
-        along = np.cross(upwards, self._components(body, self._sizes.front))
-        along = _unit(along)
-        return np.stack([along, upwards, np.cross(along, upwards)], axis=1)
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
         """Return the smallest and the largest position, m, of `runner` relative to `base` in all
@@ -458,8 +432,5 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
     """Return a matrix (3, 3) whose columns are the axes of a gear: the third is `along` (3,), the
     first is perpendicular to it and turned about it by `phase`, rad."""
-    numbers = transverse_axes(Vector(*(float(part) for part in along)))[0]
-    first = np.array([float(part) for part in (numbers.x, numbers.y, numbers.z)])
-    second = np.cross(along, first)
-    rotated = first * np.cos(phase) + second * np.sin(phase)
-    return np.stack([rotated, np.cross(along, rotated), along], axis=1)
+    first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
+    return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))
