@@ -6,21 +6,28 @@ from dataclasses import dataclass, fields, replace
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
+
+from jaxtyping import PyTree
 
 from ..fields.checks import require
 from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..quantities.base import AbstractQuantity
 from ..scene_files.files import scene_of_document
 from ..scene_files.formats import Document, read_document
 from ..scene_files.locations import FileLocation, Keys, existing, keys_of, listed, written
 from ..scene_files.reading import Reader
+from ..simulation.reductions.reductions import AbstractReduction
 from ..simulation.run.sections import Section
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings
+from ..sweeps.outputs import ImpactTable
 from .study_parts import CLASSES, StudyParts
 
+Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
+"""Parts of a study that name elements of the scene."""
 SCENE = "scene"
 PARTS = tuple(part.name for part in fields(StudyParts))
 
@@ -84,7 +91,7 @@ class Study:
         require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
 
-    def check_elements(self, named: Mapping[str, Any], *keys: str) -> None:
+    def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
         """Check that the scene has the elements that outputs, sections or quantities name.
 
         **Arguments:** `named`: the outputs, sections or quantities, by name; `keys`: keys of the
@@ -190,7 +197,7 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
     tables = study if is_in_study else scene
     found, last = existing(tables, keys), len(keys) - 1
-    table: Any = reduce(getitem, found[:last], tables)  # pyright: ignore
+    table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
     if len(found) == last and isinstance(table, dict):
         found = (*found, keys[last])  # the last key may be new
     if len(found) < len(keys):

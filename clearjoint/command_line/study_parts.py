@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import diffrax
 
@@ -77,9 +77,9 @@ class AxisPart:
     """
 
     path: str | Sequence[str]
-    values: Any = None
-    start: Any = None
-    stop: Any = None
+    values: Sequence[float | str] | None = None
+    start: float | str | None = None
+    stop: float | str | None = None
     count: int = 10
     spacing: Spacing = "linear"
 
@@ -125,7 +125,7 @@ class ColumnPart:
     """
 
     quantity: AbstractQuantity
-    noise: Any
+    noise: float | str
     unit: str | None = None
 
 
@@ -142,7 +142,7 @@ class ParameterPart:
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
-    guess: Any = None
+    guess: float | str | None = None
 
 
 @dataclass(frozen=True)

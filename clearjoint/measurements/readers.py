@@ -5,6 +5,7 @@ Error messages count rows of data from 1, without the header, blank lines and co
 
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-T = TypeVar("T")
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
 _LINE_OPTIONS = (
@@ -99,6 +99,14 @@ class _Column:
             raise ValueError(
                 f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
             )
+
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Return a context in which messages of `ValueError` begin with the column's label."""
+        try:
+            yield
+        except ValueError as error:
+            raise ValueError(f"In {self.label}: {error}") from error
 
 
 def read_csv(
@@ -191,7 +199,8 @@ def function_from_csv(
     rows = column_named(column, "column")
     values = rows.numbers()
     rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
-    factor, _ = _within(rows, lambda: to_si(rows.unit or unit, unit))
+    with rows.in_errors():
+        factor, _ = to_si(rows.unit or unit, unit)
     return kind(times, values * factor)
 
 
@@ -328,7 +337,8 @@ def _times(column: _Column, unit: str) -> np.ndarray:
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
     column.require_each(rising, "later than the row before", "sort the rows, merge repeated times")
-    return times * _within(column, lambda: to_si(column.unit or unit, "s")[0])
+    with column.in_errors():
+        return times * to_si(column.unit or unit, "s")[0]
 
 
 def _series(
@@ -339,6 +349,14 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
+    """Return the series of a column.
+
+    **Arguments:** `name`: name of the column; `times`: (rows,) s; `noise`, `missing`: arguments of
+    the reader.
+
+    **Raises:** `ValueError` for invalid rows or noise, and for a column whose unit is unknown or is
+    not the channel's.
+    """
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")
     values = column.numbers()
@@ -346,41 +364,23 @@ def _series(
     if missing == "refuse":
         remedy = 'correct it, or pass missing="drop" to omit these samples'
         column.require_each(valid, "a finite number", remedy)
-    deviation = channel.noise if channel.noise is not None else noise
-    remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
-    require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
-    assert deviation is not None
+    deviation = noise if channel.noise is None else channel.noise
+    if deviation is None:
+        remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
+        require(False, "noise", None, "a standard deviation", remedy)
     if np.ndim(deviation):
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
         deviation = np.asarray(deviation)[valid]
-    unit = _unit(channel, column)
-    return _within(
-        column, lambda: Series(channel.quantity, times[valid], values[valid], deviation, unit, name)
-    )
-
-
-def _unit(channel: Channel, column: _Column) -> str:
-    """Return the column's unit, from the table or from its channel.
-
-    **Raises:** `ValueError` if neither has a unit, or if the two differ.
-    """
-    unit = column.unit if column.unit is not None else channel.unit
+    unit = channel.unit if column.unit is None else column.unit
     if unit is None:
         raise ValueError(
             f"The unit of {column.label} must be known, but neither the table nor the channel has "
             "one: write `name [unit]` in the header of a CSV column, set a variable's attribute "
             "`units`, or pass Channel(..., unit=...)."
         )
-    same = channel.unit in (None, unit)
     remedy = "omit the channel's unit, or correct the table"
-    require(same, f"unit of {column.label}", unit, f"the channel's {channel.unit!r}", remedy)
-    return unit
-
-
-def _within(column: _Column, make: Callable[[], T]) -> T:
-    """Return ``make()``; prefix the message of its `ValueError` with the column's description."""
-    try:
-        return make()
-    except ValueError as error:
-        raise ValueError(f"In {column.label}: {error}") from error
+    expected = f"the channel's {channel.unit!r}"
+    require(channel.unit in (None, unit), f"unit of {column.label}", unit, expected, remedy)
+    with column.in_errors():
+        return Series(channel.quantity, times[valid], values[valid], deviation, unit, name)

@@ -94,7 +94,7 @@ def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
     if target is not None and other.axis is not None:
         axis = rotation.apply(other.axis)
         # Axes are parallel in either sense; the smaller rotation is taken.
-        shortest, _ = Rotation.align_vectors(target if axis @ target >= 0.0 else -target, axis)
+        shortest = Rotation.align_vectors(target if axis @ target >= 0.0 else -target, axis)[0]
         about_hinge = Rotation.from_rotvec(angle * target / np.linalg.norm(target))
         rotation = about_hinge * shortest * rotation
     return point - rotation.apply(other.point), rotation

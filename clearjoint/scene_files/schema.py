@@ -94,7 +94,7 @@ class Catalogue:
         if expected.classes:
             return {"anyOf": [*self._references(expected.classes), NUMBER]}
         if expected.is_text:
-            return {"type": "string"}
+            return NUMBER if expected.shapes else {"type": "string"}
         return _numbers(expected.shapes)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:

@@ -271,9 +271,9 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     for saved in (motion.saved, getattr(motion, "steps", None)):
         if saved is not None and len(saved):
             return saved
-    remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
     raise ValueError(
-        f"Argument `motion` must be a solution with saved states, but has none: {remedy}."
+        "Argument `motion` must be a solution with saved states, but has none: pass "
+        "save=Saving(times) or Saving(steps=True) to simulate()."
     )
 
 
