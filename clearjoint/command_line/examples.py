@@ -16,12 +16,12 @@ from ..scene_files.locations import FileLocation
 STUDY = Path(__file__).parent / "templates" / "study.toml"
 SCENE_HEAD = """\
 # A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
-# the comments give; texts may have another unit: clearance = "0.1 mm".
+# the comments give. A number in another unit is written as a text: clearance = "0.1 mm".
 #
 #   clearjoint check {scene}            check that the scene can run
 #   clearjoint run {scene} --end 0.1
 #
-# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete.
+# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete them.
 
 """
 MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
@@ -48,8 +48,8 @@ replace the placeholders in the template of its study."""
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     """Return the texts of a scene file and a study file for a mechanism.
 
-    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the files, to which
-    the texts refer.
+    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the two files, which
+    occur in the texts.
     """
     make, values = MECHANISMS[mechanism]
     with TemporaryDirectory() as folder:

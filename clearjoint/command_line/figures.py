@@ -29,7 +29,8 @@ DPI = 150
 LONGEST_FILE = 200
 """Longest file name without suffix, bytes; file systems allow 255."""
 MOST_LINES = 6
-"""Values of a second axis up to which each gets a curve; for more, a map is drawn."""
+"""Largest number of values of a sweep's second axis for which an output is drawn as one curve for
+each value. For more values, a map is drawn."""
 
 
 def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
@@ -108,8 +109,8 @@ def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """Mark the peak of each impact of a joint in a figure of forces, since saved states may miss
-    it."""
+    """Mark the peaks of a joint's impacts in a figure of forces, since saved states may miss
+    them."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)

@@ -83,7 +83,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Read the measurements from the CSV file; values and noise are converted to SI units."""
+    """Return the measurements in the CSV file that the study names, in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
@@ -107,8 +107,8 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 def _parameters(
     study: Study, part: FitPart, location: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit by name, and the guesses, in SI units, of those for which
-    the study has one."""
+    """Return the parameters of the fit by name, and by name the guesses that the study has, in SI
+    units."""
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
         part_location = location.at("parameters", name)

@@ -137,8 +137,10 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 
 def _state(scene: Scene, tables: Mapping) -> State:
-    """Return the state, with a leading axis of times if the tables have one, from the tables that
-    `state_arrays` has made."""
+    """Return the state, or the states at N times, in tables that `state_arrays` has made.
+
+    **Arguments:** `tables`: tables by name, with or without a first axis of times.
+    """
     bodies = {
         name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies

@@ -68,7 +68,8 @@ SET = click.option(
     "changes",
     multiple=True,
     metavar="PATH=VALUE",
-    help="Change a number or table of the file: joints.pin.clearance=0.2mm. Repeatable.",
+    help="Change a number or a table of the file, for example joints.pin.clearance=0.2mm. The "
+    "option may be repeated.",
 )
 OUT = click.option(
     "--out",
@@ -96,10 +97,11 @@ PRESET = click.option(
     help="Write the scene with an assembled state, which satisfies its joints, to this file.",
 )
 def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | None) -> None:
-    """Check a file without running it.
+    """Check a scene file or a study file without running it.
 
-    Prints bodies, joints, degrees of freedom, constraint errors, contacts, warnings of unusual
-    numbers, and whether the scene can run; for a study file, also its run, sweep and fit.
+    The command prints bodies, joints, degrees of freedom, constraint errors, contacts and warnings
+    of unusual numbers, and tells whether the scene can run. For a study file, it also checks and
+    prints the run, the sweep and the fit.
     """
     study = _study(file, changes)
     from ..dynamics.assembly import assemble as assembled
@@ -130,9 +132,10 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
 def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene and write tables, figures and a page.
 
-    The folder contains netCDF and CSV files (motion; forces of contacts and joints, and energies;
-    impacts; outputs and sections of the study), figures, index.html with all of it, and
-    reached.toml, the scene with the final state, to continue the run.
+    The folder of the results contains tables in netCDF and CSV files: the motion, forces of
+    contacts and joints, energies, impacts, and the outputs and sections of the study. It also
+    contains figures, the page index.html with all results, and reached.toml, the scene with its
+    final state, from which the run can be continued.
     """
     study = _study(file, changes, "run", options)
     from .running import run as run_study
@@ -154,8 +157,9 @@ def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str |
 def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene for many values of its numbers.
 
-    The study's [sweep] defines them. The folder contains sweep.zarr, sweep.csv with a row for each
-    lane, figures and index.html. The same command continues an interrupted sweep.
+    The section [sweep] of the study names the numbers and their values. The folder of the results
+    contains sweep.zarr, sweep.csv with a row for each run, figures, and the page index.html. The
+    same command continues an interrupted sweep.
     """
     study = _study(file, changes, "sweep", options)
     from .sweeping import sweep as sweep_study
@@ -171,9 +175,10 @@ def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str
 def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     """Estimate numbers of a scene from measurements.
 
-    The study's [fit] names the CSV file, its columns and the parameters. The folder contains
-    report.txt, estimates.csv with errors and correlations, the fitted series, figures, index.html,
-    and fitted.toml, the scene with the estimates.
+    The section [fit] of the study names the CSV file of the measurements, its columns and the
+    parameters. The folder of the results contains report.txt, estimates.csv with errors and
+    correlations, the fitted series, figures, the page index.html, and fitted.toml, the scene with
+    the estimates.
     """
     study = _study(file, changes)
     from .fitting import fit as fit_study
@@ -201,9 +206,10 @@ def report(folder: Path) -> None:
     "clearjoint schema study --example",
 )
 @click.argument("kind", type=click.Choice(["scene", "study"]), default="scene")
-@click.option("--example", is_flag=True, help="Print an example file with comments instead.")
+@click.option("--example", is_flag=True, help="Print an example of a file instead.")
 def schema(kind: str, example: bool) -> None:
-    """Print the JSON Schema of scene or study files, with which editors complete and check."""
+    """Print the JSON Schema of scene files or study files, with which editors complete and check
+    them."""
     import json
 
     from ..scene_files.schema import scene_schema
@@ -223,7 +229,7 @@ def schema(kind: str, example: bool) -> None:
     "--out", type=FOLDER, default=".", help="Folder of the files; by default the current one."
 )
 def new(mechanism: str, out: Path) -> None:
-    """Write an example scene and study with comments."""
+    """Write an example of a scene file and of a study file, with comments."""
     from .examples import write_example
 
     scene, study = write_example(mechanism, out)

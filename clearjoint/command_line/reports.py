@@ -88,8 +88,12 @@ def write_fit_report(folder: Path, found: Fit) -> None:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder: summary, texts, figures, the given HTML `parts`, and links
-    to the files. The page contains its figures and loads nothing from the network."""
+    """Write the HTML page of a folder of results, which loads nothing from the network.
+
+    It contains the summary, texts, figures and links to the files.
+
+    **Arguments:** `parts`: further parts of the page, as HTML.
+    """
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
     # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".

@@ -27,19 +27,8 @@ from ..simulation.run.simulate import simulate
 from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
+from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import (
-    IMPACTS,
-    MOTION,
-    NUMBERS,
-    OBSERVED,
-    OUTPUTS,
-    REACHED,
-    SECTION,
-    write_scene,
-    write_summary,
-    write_table,
-)
 from .reports import write_run_report
 from .study import Study
 from .study_parts import RunPart
@@ -103,7 +92,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     force, contact = 0.0, ""
     if solution.saved is not None and len(solution.saved):
         force, contact = write_results(study, solution, reductions, folder)
-    write_scene(folder, study.scene, solution.final, REACHED)
+    folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
     summary = {
         "ended": "interrupted" if code == INTERRUPTED else RESULTS[solution.result],
         "start_time_s": part.start,
@@ -114,7 +103,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
         **({"largest_force_N": force, "largest_force_of": contact} if contact else {}),
         **dict(solution.settings),
     }
-    write_summary(folder, "run", study, summary, start)
+    folders.write_summary(folder, "run", study, summary, start)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code == FAILED:
@@ -122,7 +111,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     if code == INTERRUPTED:
         say(f"interrupted at {reached}")
     if code != WELL:
-        say(f"the results so far are in {folder}; {REACHED} has the state to continue from")
+        say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
     count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
     largest = f", largest force {force:.4g} N ({contact})" if contact else ""
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
@@ -179,19 +168,19 @@ def write_results(
 
     **Returns:** the largest normal force of a contact, N, and the contact.
     """
-    write_scene(folder, study.scene, study.state)
+    folders.write_scene(folder, study.scene, study.state)
     observed = observe(study.scene, solution)
-    tables = {MOTION: solution, OBSERVED: observed}
+    tables = {folders.MOTION: solution, folders.OBSERVED: observed}
     if solution.impacts is not None:
-        tables[IMPACTS] = solution.impacts
-    tables |= {f"{SECTION}{name}": found for name, found in solution.sections.items()}
+        tables[folders.IMPACTS] = solution.impacts
+    tables |= {f"{folders.SECTION}{name}": found for name, found in solution.sections.items()}
     for name, table in tables.items():
-        write_table(folder, name, table.to_xarray())
+        folders.write_table(folder, name, table.to_xarray())
     quantities = {
         n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
     }
     if quantities:
-        write_table(folder, OUTPUTS, _outputs(quantities, study.scene, solution))
+        folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
     if reductions:
         _write_numbers(solution, reductions, folder)
     return _largest_force(solution, observed)
@@ -231,7 +220,7 @@ def _note_missed_extremes(
         say(
             f"note: the saved samples of {name} are between {values.min():.4g} and "
             f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
-            f"{NUMBERS} has these extremes; a smaller save_every gives more samples"
+            f"{folders.NUMBERS} has these extremes; a smaller save_every gives more samples"
         )
 
 
@@ -247,7 +236,7 @@ def _write_numbers(
             value = solution.outputs[output]
             rows.append((output, value if part else sign * value, unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
-    frame.to_csv(folder / NUMBERS, index=False)
+    frame.to_csv(folder / folders.NUMBERS, index=False)
 
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:

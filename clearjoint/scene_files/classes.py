@@ -1,7 +1,8 @@
 """Classes that a file may name, and the values that the arguments of their constructors may have.
 
-A name imports nothing: the class belongs to the package, or the caller passes it. Values follow
-from annotations and units.
+A file may name classes of this package and those that the caller passes to `load`; no module is
+imported because a file names it. The values that an argument may have are derived from its
+annotation and from the unit of the field with its name.
 """
 
 import inspect
@@ -38,27 +39,27 @@ MAIN = "__main__"
 REQUIRED = inspect.Parameter.empty
 Classes: TypeAlias = Collection[type]
 Maker: TypeAlias = Callable[..., PyTree]
-"""Function that makes the object of a table: a class, or a static method such as `Body.rod`, which
-returns an object of its class."""
+"""A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
+file contains the arguments of a maker."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""Functions that check their arguments, by the class whose objects they make, for classes whose
-constructors do not check."""
+"""For classes whose constructors do not check their arguments: functions that check them and make
+an object, by class."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have.
 
-    - `unit`: SI unit of its numbers; None if no unit is declared.
-    - `shapes`: shapes that its numbers may have, () for a single number; empty if unknown.
+    - `unit`: SI unit of numbers; None if no unit is declared.
+    - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: values by the only texts that are allowed and stand for them; None if any text is.
-    - `is_text`: whether a text is allowed.
+    - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `is_text`: whether any text is allowed.
     - `is_flag`: whether true and false are allowed.
-    - `is_anything`: whether any value is allowed, since the annotation says nothing.
-    - `by_name`: expected entries of a table of arbitrary names.
-    - `item`: expected entries of a list.
+    - `is_anything`: whether any value is allowed, because the argument has no annotation.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
+    - `item`: expectation for the entries of a list.
     - `default`: default value of the argument, or `REQUIRED`.
     """
 
@@ -99,18 +100,18 @@ def is_from_package(kind: type) -> bool:
 
 
 def is_abstract(kind: type) -> bool:
-    """Return whether a class is only a base of others."""
+    """Return whether a class is abstract or private, so that no file may name it."""
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
 def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
-    """Return the classes and static methods that a file may name as `kind`, by their names, such as
-    "Body" and "Body.rod".
+    """Return the makers that a file may name as `kind`, by their names, such as "Body" and
+    "Body.rod".
 
-    A class that the caller passes may have two names, with and without its module.
+    A user-defined class has two names, with and without its module.
 
-    **Arguments:** `families`: base classes, one of which the object must have, or none for any
-    object; `given`: user-defined classes that the caller passes.
+    **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
+    user-defined classes that the caller passes.
     """
     included = filter(is_from_package, _subclasses(AbstractReadable))
     named = {kind.__name__: kind for kind in (*given, *included)}
@@ -131,8 +132,8 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    """Return the public static methods of a class that are annotated to return an object of the
-    class, by name."""
+    """Return the public static methods, by name, whose annotation says that they return an object
+    of their class."""
     return {
         name: member.__func__
         for name, member in vars(kind).items()
@@ -154,13 +155,13 @@ def find_maker(
 
     **Arguments:**
 
-    - `name`: the name in the file. For "__main__:Class", which a script has saved, a class "Class"
-      of any module is found.
+    - `name`: the name in the file. A script saves its own class as "__main__:Class"; for such a
+      name, a class "Class" of any module is found.
     - `families`, `given`: as for `makers`.
-    - `location`: place of the name in the file, for error messages.
+    - `location`: location of the name in the file, for error messages.
 
-    **Raises:** `ValueError` if the name is no text or unknown, if the class has none of the base
-    classes, or if the caller has not passed a user-defined class.
+    **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
+    the base classes, and for a user-defined class that the caller has not passed.
     """
     known = makers(families, given)
     expected = f"one of {listed(known)}"
@@ -182,8 +183,7 @@ def find_maker(
 
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
-    """Return the accepted values of each argument of a class's constructor, or of a static method
-    that makes an object of its class, by the argument's name."""
+    """Return the values that each argument of a maker may have, by the argument's name."""
     make = CHECKED.get(make, make)
     kind = make if isinstance(make, type) else _hints(make)["return"]
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
@@ -216,8 +216,11 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function by name; as texts if one of them names a type
-    that is unknown at run time."""
+    """Return the annotations of a class or function by name.
+
+    If one of them names a type that is unknown at run time, all are returned as they were written,
+    which may be texts.
+    """
     try:
         return get_type_hints(owner, include_extras=True)
     except NameError:
@@ -225,8 +228,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object) -> Expectation:
-    """Return the values that an annotation allows; a text in ``Annotated[float, "s"]`` is their
-    unit."""
+    """Return the values that an annotation allows. ``Annotated[float, "s"]`` declares a number with
+    the unit s."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         unit = next((note for note in inner[1:] if isinstance(note, str)), None)
@@ -235,7 +238,8 @@ def expectation(annotation: object) -> Expectation:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
-        # Shapes and classes add up, of all else the first that is given.
+        # The shapes and classes of all parts are allowed. Of every other property, the first value
+        # is taken that is not a default.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
             given = [value for part in parts if (value := getattr(part, entry.name))]

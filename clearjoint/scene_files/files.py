@@ -149,8 +149,10 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
     """Return the location of the first difference of two objects, ``None`` if they are equal.
 
-    Fields and entries are compared recursively; arrays of NumPy and JAX are equal if their shapes,
-    dtypes and bits are. `location` is the location of both objects.
+    Fields and entries are compared recursively. Arrays of NumPy and JAX are equal if their shapes,
+    dtypes and bits are equal.
+
+    **Arguments:** `location`: location of both objects in the file.
     """
     are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
     are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
@@ -211,7 +213,7 @@ def scene_of_document(
 
 
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
-    """Return `state`, or an assembled state if it has not all bodies of the scene.
+    """Return `state`, or an assembled state if it lacks bodies of the scene.
 
     **Raises:** `ValueError` if the joints do not determine the missing states.
     """

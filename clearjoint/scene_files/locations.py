@@ -12,7 +12,7 @@ from ..fields.checks import require
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
 KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
-"""One key of a written path, bare or in quotation marks, in brackets or followed by a dot."""
+"""One key of a written path, bare or in quotation marks, which may be in brackets."""
 LONGEST = 60
 """Largest number of characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
@@ -24,8 +24,8 @@ def split(text: str) -> tuple[str, ...]:
     "joints.crank pin.clearance".
 
     Keys that contain dots are in quotation marks. Keys and indices may also be in brackets, as in
-    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. What is not part
-    of a path, such as a second dot after the first, is left out.
+    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
+    don't belong to a path, such as a second dot in a row, are skipped.
     """
     return tuple("".join(groups) for groups in KEY.findall(text))
 
@@ -53,8 +53,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return `keys` as far as they lead to entries of nested tables and lists, with indices of
-    lists as integers."""
+    """Return the first of the given keys, up to the last one that exists in nested tables and
+    lists. Indices of lists are returned as integers."""
     found: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -69,12 +69,12 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 
 class Source:
-    """The text of a file, to find the line of a value for error messages.
+    """The text of a file, in which error messages find the line of a value.
 
-    - `changes`: changes by the command line, such as "joints.pin.clearance=2mm", by the keys of the
-      changed value.
+    - `changes`: changes that the command line makes, such as "joints.pin.clearance=2mm", by the
+      keys of the changed value.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; lines are only found in TOML.
+    **Arguments:** `suffix`: ".toml" or ".json"; lines are found in TOML only.
     """
 
     def __init__(self, text: str, suffix: str):
@@ -82,8 +82,11 @@ class Source:
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return a text that tells where the value at `keys` is set: ", line 12" of the statement
-        that sets it or the closest table, or " with --set …"; empty if unknown."""
+        """Return the text that a message adds to the path of the file for the value at `keys`.
+
+        This is ", line 12" for the statement that sets the value or the closest table around it,
+        " with --set …" for a value that the command line sets, and empty if neither is known.
+        """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -98,7 +101,8 @@ class Source:
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
-            """Number of lines and tables of the longest valid TOML in the first `limit` lines."""
+            """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
+            alone, and their tables."""
             for count in range(limit, 0, -1):
                 try:
                     return count, tomllib.loads("\n".join(lines[:count]) + "\n")
@@ -154,8 +158,8 @@ class FileLocation:
 
 
 def _shown(value: object) -> str:
-    """Return the text of a value for a message; long tables and lists are cut between entries,
-    other values after `LONGEST` characters."""
+    """Return the text of a value for a message. Long lists are cut between entries, other values
+    after `LONGEST` characters; of a table only the keys are shown."""
     if isinstance(value, Mapping):
         return f"a table with {_shown(list(value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and value:

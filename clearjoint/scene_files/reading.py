@@ -32,19 +32,22 @@ from .locations import FileLocation, existing, listed, split
 KIND = "kind"
 """The key under which a table names its class."""
 EULER_PARAMETERS = (4,)
-"""The shape of an orientation."""
+"""Shape of an orientation."""
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
+"""A number and the unit behind it, which may be empty."""
 LONGEST = 200
-"""Longest text, in characters, that is read as a number with a unit."""
+"""Largest number of characters of a text that is read as a number with a unit."""
 
 
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, four numbers, of a rotation; tables with its arguments may
-    replace Euler parameters."""
+    """Return the Euler parameters, four numbers, of a rotation by `angle`, rad, about `axis`, (3,).
+
+    In a file, a table with these two arguments may replace Euler parameters.
+    """
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -58,8 +61,12 @@ class Reader:
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Return the Python value of the content of a file at a location: an object, a tuple, a
-        dictionary, a number or a text.
+        """Return the Python value of a value in a file.
+
+        **Arguments:** `content`: the value as parsed, a number, text, list or table; `expected`:
+        values that are allowed; `location`: location of the value.
+
+        **Returns:** an object, a tuple, a dictionary, an array, a number or a text.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
@@ -121,14 +128,14 @@ class Reader:
         location: FileLocation,
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
-        """Make an object from the table of the arguments of its class or static method.
+        """Make an object from a table with the arguments of its class or static method.
 
         **Arguments:**
 
-        - `make`: the class, or a static method that makes an object of its class.
-        - `content`: arguments by name, as read from the file.
+        - `make`: the class, or a static method that returns an object of its class.
+        - `content`: arguments by name, as parsed.
         - `location`: location of the table.
-        - `other_keys`: keys that the table of the file has had besides `content`, for messages.
+        - `other_keys`: further keys that the table in the file may have, for messages.
 
         **Raises:** `ValueError` for unknown and missing arguments, and for wrong values.
         """
@@ -178,7 +185,7 @@ def _is_plain(item: object) -> bool:
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return what a text stands for: one of the expected options, a text, a number or None."""
+    """Return the value of a text: an expected option, the text itself, a number or None."""
     options = expected.options or {}
     if content in options:
         return options[content]
@@ -191,10 +198,13 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number of a text such as "0.3 mm" in an SI unit. It is rounded once: "0.3 mm" is
-    exactly the float 3e-4.
+    """Return the number of a text such as "0.3 mm" in an SI unit.
 
-    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: for messages.
+    The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
+    float as 3e-4.
+
+    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: location of the
+    text, for messages.
 
     **Raises:** `ValueError` for a text without a number, for a unit of another dimension than
     `unit`, and for a unit where none is declared.

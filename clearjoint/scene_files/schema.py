@@ -22,14 +22,14 @@ Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER: Schema = {"type": ["number", "string"]}
 ROWS = "numbers"
-"""Name, in the schema, of the definition of a number or of nested lists of numbers."""
+"""Name of the definition, in the schema, of a number or of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
     """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
 
-    Editors use it to complete and check TOML and JSON: `save(..., schema=True)` writes it to the
-    folder of the scene file, which then refers to it.
+    With it, editors complete and check TOML and JSON files. `save(..., schema=True)` writes the
+    schema to the folder of a scene file, and a reference to it into the scene file.
 
     **Arguments:** `classes`: user-defined classes that files may name.
 
@@ -55,10 +55,11 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Schemas of classes; the schema of a class is added when another one first refers to it.
+    """Collects the schemas of all classes to which the schema of a file refers.
 
     - `classes`: user-defined classes that files may name, besides those of the package.
-    - `definitions`: schemas by the name of the class in files.
+    - `definitions`: schemas by the name of the class in files. The schema of a class is added when
+      another schema first refers to it.
     """
 
     classes: Classes
@@ -67,14 +68,16 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """Return the whole schema of a file; `properties` are the schemas of its top-level keys,
-        `required` the keys that it must have."""
+        """Return the whole schema of a file.
+
+        **Arguments:** `properties`: schemas of the top-level keys of the file; `required`: keys
+        that the file must have.
+        """
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
-        """Return the schemas of the arguments of a class's constructor, or of a static method that
-        makes an object of its class, by name."""
+        """Return the schemas of the arguments of a class or of a static method, by name."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
@@ -98,8 +101,8 @@ class Catalogue:
         return _numbers(expected.shapes)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all objects with one of the base classes, and
-        add those definitions that are missing."""
+        """Return references to the definitions of all classes and static methods whose objects
+        have one of the given base classes. Definitions that are missing are added."""
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -139,8 +142,8 @@ def _reference(name: str) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Return the schema of numbers, or texts with units, in one of the given shapes; in any shape
-    if `shapes` is empty."""
+    """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes;
+    of any shape if `shapes` is empty."""
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
     schemas = []

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import yourdfpy
 
 Play: TypeAlias = Mapping[str, PyTree]
-"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name."""
+"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name, as the user passes them."""
 OF_JOINTS = {
     "limit": "limits",
     "dynamics": "damping and friction",
@@ -47,12 +47,12 @@ OF_JOINTS = {
     "safety_controller": "safety controllers",
 }
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
-"""Titles of the contents of joints and links that a scene lacks, by yourdfpy's names for them."""
+"""Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
 READ = {"link", "joint", "material"}
-"""Tags that need no warning: materials belong to the visual shapes."""
+"""Tags of elements that need no warning. Materials belong to the visual shapes."""
 HINGES = "revolute", "continuous"
 BACKLASH = "backlash"
-"""Name of the argument for the angle of a backlash, rad; `Backlash` itself calls it `play`."""
+"""Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
 WIND_UP = 0.1
 """Deflection of a flank under the joint's effort limit as a fraction of the backlash, if no
 stiffness is given."""

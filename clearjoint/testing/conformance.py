@@ -1,7 +1,4 @@
-"""Check user-defined contact laws, friction laws and constraints.
-
-Each function raises an `AssertionError` that states the first problem. Call it in a test.
-"""
+"""Check user-defined contact laws, friction laws and constraints."""
 
 import warnings
 from collections.abc import Callable
@@ -32,7 +29,7 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""A jump of the force counts as one at the onset if its depth differs from that of the onset by at
+"""A jump of the force is a jump at the onset if its depth differs from the depth of the onset by at
 most this fraction of the onset offset, or of 1e-9 m if the offset is smaller."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
@@ -62,10 +59,10 @@ def ensure(condition: Condition, message: str) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
-    """Return the values (N,) of a scalar function of a law at N points.
+    """Return the values (N,) of a scalar function of a law and of further numbers at N points.
 
-    **Arguments:** `name`: name of the function in messages; `points`: values (N,) of each of its
-    further arguments.
+    **Arguments:** `name`: name of the function in messages; `points`: (N,) values of each further
+    number.
 
     **Raises:** `AssertionError` if a value is not finite, or if `jax.vmap` gives another value than
     a single evaluation.
@@ -80,10 +77,12 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 
 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
-    """Raise an `AssertionError` unless all derivatives of a scalar function of a law are finite.
+    """Raise an `AssertionError` unless all derivatives of a scalar function are finite.
 
-    **Arguments:** `points`: values (N,) of each of its further arguments, by their names in
-    messages. Derivatives are taken by these and by the parameters of the law.
+    Derivatives are taken by the parameters of the law and by the further numbers.
+
+    **Arguments:** `function`: function of the law and of further numbers; `points`: (N,) values of
+    each further number, by its name in messages.
     """
     given = jax.tree.map(jnp.asarray, law), *points.values()
     gradient = eqx.filter_grad(lambda given: function(*given))

@@ -13,9 +13,9 @@ from .sketching import SketchingPen
 LONGEST = 0.3
 """Length of the longest arrow, as a fraction of the size of the mechanism."""
 USUAL, FAR = 0.5, 5.0
-"""The usual force is this quantile of all forces that are not zero. Arrows have lengths
-proportional to their forces unless the largest force exceeds the second number times the usual
-force."""
+"""The usual force is the quantile `USUAL` of all forces that are not zero. Lengths of arrows are
+proportional to the square root of forces if the largest force exceeds `FAR` times the usual force,
+otherwise to forces."""
 WIDTH = 1.1
 """Radius of an arrow's head in radii of a bar."""
 MODE_NAMES = {
@@ -31,8 +31,7 @@ class Arrows(NamedTuple):
 
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N.
-    - `cut`: force, N, from which on all arrows have the same length; ``None`` if no force is as
-      large.
+    - `cut`: force, N, above which all arrows have the same length; ``None`` if no force is larger.
     - `largest`: largest force, N.
     - `root`: whether lengths are proportional to the square root of forces.
     """

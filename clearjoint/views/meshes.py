@@ -62,7 +62,7 @@ def needed(package: str) -> ModuleType:
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """Return a cylinder about z, centred at the origin."""
+    """Return a cylinder about z, centred at the origin; `radius` and `length` in m."""
     return _of(_creation().cylinder(radius, length, sections=ROUND))
 
 
@@ -72,7 +72,7 @@ def tube(inner: float, outer: float, length: float) -> Mesh:
 
 
 def ball(radius: float) -> Mesh:
-    """Return a ball about the origin."""
+    """Return a ball about the origin; `radius` in m."""
     return _of(_creation().icosphere(subdivisions=2, radius=radius))
 
 
@@ -99,8 +99,9 @@ def arrow() -> Mesh:
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
 
-    **Arguments:** `radius`: of the helix, m; `wire`: radius of the wire, m; `length`: length, m, to
-    which the mesh will be stretched along z, so that the wire is then round; `turns`: of the helix.
+    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`:
+    length, m, to which the pose of the part will stretch the mesh along z, so that the wire becomes
+    round; `turns`: number of turns of the helix.
     """
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
@@ -186,7 +187,7 @@ def frames(
     """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
 
     **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions near which the first columns shall lie, any by default.
+    directions, whose parts perpendicular to the axes give the first columns; any by default.
     """
     if start is None:
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
@@ -200,7 +201,8 @@ def frames(
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
     """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
 
-    The first column lies near `start`, (3,), any direction by default.
+    **Arguments:** `start`: (3,), direction whose part perpendicular to the axis gives the first
+    column; any by default.
     """
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]
@@ -226,7 +228,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Return the triangles (F, 3) between successive rings of `corners` vertices each, which are
+    """Return the triangles (F, 3) between successive rings of `corners` vertices each. Vertices are
     numbered ring by ring."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners

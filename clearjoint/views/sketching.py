@@ -28,12 +28,12 @@ JOURNAL_LENGTH = 1.3
 
 @dataclass(frozen=True)
 class DrawnJournal:
-    """A journal as it is drawn.
+    """A journal as it is drawn, with enlarged eccentricity.
 
-    - `ends`: (2, N, 3) m in global axes, drawn centres of its bases V and W in each frame.
-    - `poses`: (N, 4, 4), homogeneous matrices from axes at its middle, with z along its axis, to
-      global axes.
-    - `radius`: drawn radius, m.
+    - `ends`: (2, N, 3) m in global axes, centres of the bases V and W in each frame.
+    - `poses`: (N, 4, 4), homogeneous matrices from axes at the journal's middle, with z along the
+      journal's axis, to global axes.
+    - `radius`: radius, m.
     """
 
     ends: Float[np.ndarray, "2 N 3"]
@@ -43,8 +43,13 @@ class DrawnJournal:
     def touching_point(
         self, contact: str, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"] | None:
-        """Return the drawn contact points (N, 3), m in global axes, of base "V" or "W" in the
-        direction `normal` (N, 3); ``None`` for other contacts."""
+        """Return the drawn contact points of a base, (N, 3) m in global axes.
+
+        **Arguments:** `contact`: label of the contact; `normal`: (N, 3) unit vectors from the
+        base's centre to the contact points.
+
+        **Returns:** ``None`` for contacts other than "V" and "W".
+        """
         if contact not in BASES:
             return None
         return self.ends[BASES.index(contact)] + self.radius * normal
@@ -58,7 +63,7 @@ def drawn_journal(
     length: float,
     sizes: Proportions,
 ) -> DrawnJournal:
-    """Return a journal as it is drawn, with eccentricities that are enlarged.
+    """Return a journal as it is drawn, with enlarged eccentricity.
 
     **Arguments:** `bearing`, `journal`: points and axes on their bodies; `radius`: drawn radius of
     the journal, m; `length`: true length of the journal, m; `sizes`: has the scales by which
@@ -86,15 +91,15 @@ def drawn_journal(
 
 
 NEAR = 1e-3
-"""Two points of a body count as one if their distance is at most this fraction of the size of the
-mechanism."""
+"""Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
+mechanism, to find equal points."""
 SHORT = 0.5
-"""The equivalent solid of a body is drawn too if the extent of its joints is less than this
-fraction of the solid's longest side."""
+"""The equivalent solid of a body is drawn in addition to the hull of its joints, if the extent of
+the joints is less than this fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
-    """Pen by which joints and forces draw themselves as the parts of a view.
+    """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name.
@@ -190,8 +195,8 @@ class SketchingPen(AbstractPen):
         self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
     def load(self, marker: Marker, force: Triple) -> None:
-        """Add a load, (3,) N in global axes, to `loads`; its arrow is made when the scale of forces
-        is known."""
+        """Add a load, (3,) N in global axes, to `loads`. Its arrow is made later, when the scale of
+        forces is known."""
         points = self._poses.point(marker.body, marker.point)
         self.loads[self.element] = points, np.broadcast_to(force, points.shape)
         self._hold(marker)
@@ -312,14 +317,12 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
-        nearly equal ones."""
-        distinct: list[np.ndarray] = []
-        for point in self._corners[name]:
-            distances = [np.linalg.norm(point - other) for other in distinct]
-            if min(distances, default=np.inf) > NEAR * self._sizes.size:
-                distinct.append(point)
-        return np.reshape(distinct, (-1, 3))
+        """Return the points of a body that its hull must contain, (M, 3) m in body axes; of points
+        that are equal after rounding, only the first."""
+        points = np.reshape(self._corners[name], (-1, 3))
+        rounded = np.round(points / (NEAR * self._sizes.size))
+        _, firsts = np.unique(rounded, axis=0, return_index=True)
+        return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid to a body; the mesh is in body axes, m. The default is the body's colour."""
@@ -333,8 +336,8 @@ class SketchingPen(AbstractPen):
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of both markers, (N, 3) m each in global axes, and extend the hulls
-        of their bodies to them."""
+        """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of
+        their bodies are extended to them."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
@@ -345,8 +348,11 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points, or, if `around` is not
-        zero, to points at this distance, m, such as the wall of a bearing."""
+        """Extend the hulls of the markers' bodies to the markers' points.
+
+        **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
+        outer radius of a bearing; zero to reach the point.
+        """
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -355,9 +361,13 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
-        """Return the vector (3,), m in body axes, from a bearing's centre to its wall at the given
-        distance, towards the body's centre of mass, or downwards on the ground; zero if the centre
-        of mass lies inside the bearing."""
+        """Return the vector (3,), m in body axes, from a bearing's centre to its wall.
+
+        The vector points to the body's centre of mass, or downwards for the ground. It is zero if
+        the centre of mass lies inside the bearing.
+
+        **Arguments:** `distance`: outer radius of the wall, m.
+        """
         point = np.asarray(marker.point, dtype=float)
         inwards = -self._sizes.up if marker.body == GROUND else -point
         if marker.axis is not None:
@@ -379,8 +389,12 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest position, m, of `runner` relative to `base` in all
-        frames, along `axis`, (3,) in the axes of the body of `base`."""
+        """Return the smallest and the largest position, m, of a marker relative to another one in
+        all frames, along a direction.
+
+        **Arguments:** `base`, `runner`: the markers; `axis`: the direction, (3,) unit vector in the
+        axes of the body of `base`.
+        """
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -396,10 +410,11 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen that has them.
+    """Draw all parts of a scene except arrows, and return the pen, which has the parts.
 
-    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
-    `solids`: whether to add a ball at each centre of mass, and the solid of each body's inertia.
+    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`:
+    whether to add a ball at each centre of mass; `solids`: whether to add the solid of each body's
+    mass and inertia.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():

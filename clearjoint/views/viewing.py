@@ -1,4 +1,4 @@
-"""`view`: three-dimensional views of a mechanism."""
+"""`view`: show a mechanism in three dimensions."""
 
 import html
 from collections.abc import Mapping
@@ -37,21 +37,19 @@ T = TypeVar("T")
 Viewable = State | Solution | NonsmoothSolution | Trajectory
 """Types from which `view` takes positions and orientations of the bodies."""
 ODD_SIZE = 50.0
-"""A given mesh that is larger or smaller than the mechanism by more than this factor is refused: it
-is probably in a wrong unit."""
+"""A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
+factor, since it is probably in a wrong unit."""
 SUFFIXES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
 MISSED = 1.1
-"""Ratio of the largest peak of impacts to the largest force of the frames above which a note gives
-the peak."""
+"""The legend notes the largest force of an impact if it exceeds the largest force of all frames by
+more than this factor."""
 ANIMATED = 100
 """Largest number of frames of a GIF or MP4."""
 
 
 @dataclass(eq=False, repr=False)
 class View:
-    """A three-dimensional view of a mechanism, which notebooks display.
-
-    `view` makes it.
+    """A three-dimensional view of a mechanism, made by `view`. Notebooks display it.
 
     - `parts`: the drawn solids.
     - `times`: (N,) s, of the frames; ``None`` for a single state.
@@ -149,8 +147,10 @@ def view(
     title: str = "mechanism",
     height: int = 560,
 ) -> View:
-    """Show a mechanism in three dimensions, in one state or along a run: in a notebook, or saved as
-    a page that works offline, an animation or a picture.
+    """Show a mechanism in three dimensions, in one state or along a run.
+
+    A notebook displays the result; `View.save` writes it as a page that works offline, an animation
+    or a picture.
 
     A body is a bar or a plate around the points of its joints; a body with a single joint is the
     cylinder or box of its mass and inertia. Pins, balls, rails, springs and gears are symbols.
@@ -169,12 +169,13 @@ def view(
 
     **Arguments:**
 
+    - `scene`: the mechanism.
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
-      bodies are arranged by following the joints from the ground; `assemble` closes loops, which
-      compiles.
-    - `observation`: at the instants of the motion. By default the solution is observed, which
-      compiles once for a structure of scenes. With ``forces=False`` there is no observation, and no
-      arrows and modes.
+      bodies are arranged by following the joints from the ground, and `assemble` closes loops,
+      which compiles.
+    - `observation`: result of `observe` at the instants of the motion. By default, `view` observes
+      the solution, which compiles once for all scenes with the same structure.
+    - `forces`: whether to draw arrows of forces, and journals in the colours of their motion modes.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
@@ -254,7 +255,7 @@ def _poses(
 
 
 def _at(recorded: T, chosen: np.ndarray) -> T:
-    """Return a trajectory or an observation at the instants of the indices `chosen`, (M,)."""
+    """Return the rows of a trajectory or of an observation at the indices `chosen`, (M,)."""
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], recorded)
 
 
@@ -325,7 +326,8 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note if an impact between two frames has a larger force than all frames, or none."""
+    """Return a note on the largest force of all impacts if it acts between two frames and exceeds
+    the forces of all frames; else no note."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []
