@@ -37,7 +37,7 @@ def understandable() -> Iterator[None]:
         warnings.showwarning = _say_warning
         try:
             yield
-        except click.exceptions.Exit:
+        except (click.exceptions.Exit, BrokenPipeError):
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             text = str(error)

@@ -5,6 +5,7 @@ Commands import the modules that compute when they run, so that help is fast.
 
 import sys
 from collections.abc import Callable, Mapping
+from inspect import getdoc
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -33,7 +34,7 @@ def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
-        text = f"{function.__doc__}\n\n\b\nExamples:\n{lines}"
+        text = f"{getdoc(function)}\n\n\b\nExamples:\n{lines}"
         return clearjoint.command(name, help=text)(understandable()(function))
 
     return decorate

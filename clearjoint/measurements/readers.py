@@ -355,9 +355,9 @@ def _series(
         remedy = 'correct it, or pass missing="drop" to omit these samples'
         column.require_each(valid, "a finite number", remedy)
     deviation = noise if channel.noise is None else channel.noise
-    if deviation is None:
-        remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
-        require(False, "noise", None, "a standard deviation", remedy)
+    remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
+    require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
+    assert deviation is not None
     if np.ndim(deviation):
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)

@@ -9,6 +9,8 @@ from operator import getitem
 from pathlib import Path
 from typing import TypeAlias
 
+from jaxtyping import PyTree
+
 from .locations import FileLocation, Keys, Source
 
 Document: TypeAlias = dict[str, object]
@@ -117,15 +119,19 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
         whole = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     import tomlkit  # only needed to write
+    from tomlkit.items import Table
 
-    tables = tomlkit.item(document)
+    tables: PyTree = tomlkit.item(document)
     for (*parents, last), unit in units.items():
-        # A comment needs a line of its own: entries of lists and of inline tables have none.
+        # Only entries of tables can have comments; entries of lists and of inline tables share a
+        # line with others.
         parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
-        if isinstance(parent, tomlkit.items.Table) and not isinstance(parent[last], str | Mapping):
-            if unit != "1":
-                parent[last].comment(unit)
-            if isinstance(parent[last], list):
-                parent[last].multiline(len(parent[last]) > LONGEST_LINE)
+        item: PyTree = parent[last] if isinstance(parent, Table) else ""
+        if isinstance(item, str | Mapping):
+            continue
+        if unit != "1":
+            item.comment(unit)
+        if isinstance(item, list):
+            item.multiline(len(item) > LONGEST_LINE)
     text = tomlkit.dumps(tables)
     return text if schema is None else f"#:schema ./{schema}\n{text}"
