@@ -114,6 +114,15 @@ class Frozen(Pulling):
         return self.elastic_force(gap) * damped
 
 
+class Cut(Pulling):
+    """A spring whose derivative by the depth is cut off."""
+
+    uses_entry_speed = False
+
+    def force(self, gap, entry_speed):
+        return jax.lax.stop_gradient(self.elastic_force(gap))
+
+
 class Blind(Pulling):
     """Damping that ignores an unknown entry speed."""
 
@@ -129,6 +138,7 @@ class Blind(Pulling):
         (Generating, "creates energy"),
         (SpikedDerivative, "derivative"),
         (Frozen, "derivative by the rate does not agree"),
+        (Cut, "derivative by the depth does not agree"),
         (Blind, "unknown entry speed"),
     ],
 )

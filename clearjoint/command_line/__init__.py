@@ -1,1 +1,2 @@
-"""The program `clearjoint`: checks, runs, sweeps and fits of scene and study files."""
+"""The program `clearjoint`, which checks scene files and study files, and runs, sweeps and fits
+them."""

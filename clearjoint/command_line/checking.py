@@ -1,11 +1,10 @@
 """`clearjoint check`: describe a scene, and check that it can run."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from ..dynamics.assembly import ACCEPTED_VIOLATION, assemble
+from ..dynamics.assembly import ACCEPTED_VIOLATION
 from ..dynamics.constraint_report import ConstraintReport, constraint_report
 from ..dynamics.journals import depths
 from ..fields.cautions import quiet
@@ -14,60 +13,43 @@ from ..model.bodies import State
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
 from ..parametrisation.paths import parameters
-from ..quantities.base import check_quantity
-from ..scene_files.files import FilePath, save
+from ..scene_files.locations import keys_of, written
 from ..simulation.run.run_checks import check_start
-from .paths import written
+from .paths import find_path
 from .study import Study
-from .sweeping import check_output, sweep_arguments
+from .sweeping import sweep_axes
 
 WORST = 3
 """Number of violated constraints that a message lists."""
 
 
-@dataclass(frozen=True)
-class Checked:
-    """Result of `clearjoint check`.
+def description(study: Study) -> Iterator[str]:
+    """Yield lines that describe a study's scene and its sections [run], [sweep] and [fit].
 
-    - `lines`: lines to print.
-    - `refusal`: why the scene can't run, with a remedy; None if it can.
+    **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
+    can't run, and for a section that names unknown elements or paths.
     """
-
-    lines: list[str]
-    refusal: str | None
-
-
-def checked(study: Study) -> Checked:
-    """Describe a study's scene, and check its initial state and its sections [run], [sweep] and
-    [fit].
-
-    **Raises:** `ValueError` for a section that names unknown elements or paths.
-    """
-    scene, state = study.scene, study.state
-    report = constraint_report(scene, state, study.parts.run.start)
-    lines = [*_elements(scene), *_constraints(scene, report), *_contacts(scene, state)]
-    refusal = _refusal(study, report)
-    if refusal is None:
-        lines += _sections(study)
-        lines.append("ready to run")
-    return Checked(lines, refusal)
+    scene, state, start = study.scene, study.state, study.parts.run.start
+    report = constraint_report(scene, state, start)
+    yield from _elements(scene)
+    yield from _constraints(scene, report)
+    yield from _contacts(scene, state)
+    _require_satisfied(report)
+    check_start(scene, state, start, study.settings("run").coordinates)
+    yield from _sections(study)
+    yield "ready to run"
 
 
 def number_paths(study: Study) -> list[str]:
     """Return a line for each number of the scene and the state, with its path, value and unit."""
-    rows = [(written(n), value, unit) for n, (value, unit) in parameters(study.scene).items()]
-    in_state = parameters(study.state)
-    rows += [(f"state.{written(n)}", value, unit) for n, (value, unit) in in_state.items()]
-    width = max(len(name) for name, _, _ in rows)
+    numbers = [(keys_of(name), *number) for name, number in parameters(study.scene).items()]
+    in_state = parameters(study.state).items()
+    numbers += [(("state", *keys_of(name)), *number) for name, number in in_state]
+    width = max(len(written(keys)) for keys, _, _ in numbers)
     return [
-        f"{name:{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
-        for name, value, unit in rows
+        f"{written(keys):{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
+        for keys, value, unit in numbers
     ]
-
-
-def save_assembled(study: Study, path: FilePath) -> None:
-    """Write the scene to a file, with a state that is assembled so that it satisfies the joints."""
-    save(study.scene, assemble(study.scene, study.state, study.parts.run.start), path)
 
 
 def _elements(scene: Scene) -> Iterator[str]:
@@ -82,14 +64,12 @@ def _elements(scene: Scene) -> Iterator[str]:
 
 
 def _constraints(scene: Scene, report: ConstraintReport) -> Iterator[str]:
-    count = report.degrees_of_freedom()
-    speeds, rows = 6 * len(scene.bodies), len(report.names)
-    independent = rows - len(report.redundant)
-    yield f"degrees of freedom: {count} ({speeds} of the bodies - {independent} constraints)"
-    redundant = ", ".join(report.redundant)
-    yield f"redundant constraints: {redundant or 'none'}"
-    if len(report.names):
-        error, rate = float(np.abs(report.values).max()), float(np.abs(report.rates).max())
+    independent = len(report.names) - len(report.redundant)
+    difference = f"{6 * len(scene.bodies)} of the bodies - {independent} constraints"
+    yield f"degrees of freedom: {report.degrees_of_freedom()} ({difference})"
+    yield f"redundant constraints: {', '.join(report.redundant) or 'none'}"
+    if report.names:
+        error, rate = np.abs(report.values).max(), np.abs(report.rates).max()
         yield f"largest constraint error: {error:.2g}, rate {rate:.2g} 1/s"
 
 
@@ -98,10 +78,13 @@ def _contacts(scene: Scene, state: State) -> Iterator[str]:
         by_joint = depths(scene, state)
     for name, family in by_joint.items():
         joint = scene.contact_joints()[name]
-        laws = {type(law).__name__ for law in joint.laws().values()}
+        laws = ", ".join(sorted({type(law).__name__ for law in joint.laws().values()}))
         play = f"clearance {_length(joint.clearance)}, " if isinstance(joint, HasJournal) else ""
-        gaps = ", ".join(f"{label} {_distance(depth)}" for label, depth in family.items())
-        yield f"contacts of {name}: {play}{', '.join(sorted(laws))}; at the start {gaps}"
+        gaps = ", ".join(
+            f"{label} {_length(abs(depth))} {'deep' if depth > 0.0 else 'apart'}"
+            for label, depth in family.items()
+        )
+        yield f"contacts of {name}: {play}{laws}; at the start {gaps}"
 
 
 def _length(value: object) -> str:
@@ -109,50 +92,32 @@ def _length(value: object) -> str:
     return f"{metres * 1e3:.4g} mm" if abs(metres) >= 1e-4 else f"{metres * 1e6:.4g} µm"
 
 
-def _distance(depth: float) -> str:
-    return f"{_length(depth)} deep" if depth > 0.0 else f"{_length(-depth)} apart"
-
-
-def _refusal(study: Study, report: ConstraintReport) -> str | None:
-    """Return why the scene can't run, with a remedy; ``None`` if it can."""
-    scene, state, start = study.scene, study.state, study.parts.run.start
-    sizes = np.maximum(np.abs(report.values), np.abs(report.rates)) if report.names else []
-    if len(sizes) and max(sizes) > ACCEPTED_VIOLATION:
-        order = [k for k in np.argsort(sizes)[::-1][:WORST] if sizes[k] > ACCEPTED_VIOLATION]
-        rows = ", ".join(f"{report.names[k]} ({sizes[k]:.2g})" for k in order)
+def _require_satisfied(report: ConstraintReport) -> None:
+    """Raise a `ValueError` that names the worst constraints if the state violates one."""
+    sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
+    worst = [k for k in np.argsort(-sizes)[:WORST] if sizes[k] > ACCEPTED_VIOLATION]
+    if worst:
+        rows = ", ".join(f"{report.names[k]} ({sizes[k]:.2g})" for k in worst)
         remedy = "`clearjoint check FILE --assemble NEW.toml` writes a file with an assembled state"
-        return f"the state does not satisfy the joints: {rows}. {remedy}."
-    try:
-        settings = study.settings(study.parts.run, "run")
-        check_start(scene, state, start, settings.coordinates)
-    except ValueError as error:
-        return str(error)
-    return None
+        raise ValueError(f"the state does not satisfy the joints: {rows}. {remedy}.")
 
 
 def _sections(study: Study) -> Iterator[str]:
     """Yield a line for each section of the study, and check that the scene has the elements and
     numbers that the section names."""
-    run = study.parts.run
-    for name, output in run.outputs.items():
-        location = study.location.at("run", "outputs", name)
-        check_quantity(f"{location}", output, study.scene)
-        check_output(name, output, study.scene, location)
-    for name, section in run.sections.items():
-        location = study.location.at("run", "sections", name)
-        for quantity in (section.crossing, *section.channels.values()):
-            check_quantity(f"{location}", quantity, study.scene)
+    run, fit = study.parts.run, study.parts.fit
+    study.check_elements(run.outputs, "run", "outputs")
+    study.check_elements(study.sections(), "run", "sections")
     if run.end is not None:
         yield f"run: {run.start:g} s to {study.end():g} s"
     if study.parts.sweep is not None:
-        arguments = sweep_arguments(study, study.parts.sweep)
-        lanes = "x".join(str(axis.values.size) for axis in arguments.axes.values())
-        yield f"sweep: {lanes} lanes over {', '.join(arguments.axes)}"
-    if study.parts.fit is not None:
-        fit = study.parts.fit
+        axes = sweep_axes(study, study.parts.sweep)
+        lanes = "x".join(str(axis.values.size) for axis in axes.values())
+        yield f"sweep: {lanes} lanes over {', '.join(axes)}"
+    if fit is not None:
         for name, parameter in fit.parameters.items():
-            study.find(parameter.path, study.location.at("fit", "parameters", name))
-        for name, column in fit.columns.items():
-            location = study.location.at("fit", "columns", name)
-            check_quantity(f"{location}", column.quantity, study.scene)
+            location = study.location.at("fit", "parameters", name)
+            find_path(parameter.path, study.scene, study.state, location)
+        quantities = {name: column.quantity for name, column in fit.columns.items()}
+        study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"

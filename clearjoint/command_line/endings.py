@@ -1,10 +1,9 @@
 """Messages, errors and exit codes of the program."""
 
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import click
 
@@ -30,36 +29,27 @@ def say(text: str) -> None:
     click.echo(text, err=True)
 
 
-def end(code: int) -> NoReturn:
-    """End the command with an exit code."""
-    raise click.exceptions.Exit(code)
-
-
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context that prints an error as one sentence and ends the program with an exit code,
-    and prints each warning as one line."""
+    """Return a context that prints each warning as one line and an error as one sentence, and ends
+    the program with an exit code after an error."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:
             yield
-        except click.exceptions.Exit:
+        except (click.exceptions.Exit, BrokenPipeError):
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             text = str(error)
             if isinstance(error, OSError) and error.strerror:
                 text = f"{error.filename}: {error.strerror}."
             say(f"error: {text}")
-            end(BAD_INPUT if isinstance(error, ValueError | OSError | ImportError) else FAILED)
-        except KeyboardInterrupt:
+            is_input = isinstance(error, ValueError | OSError | ImportError)
+            raise click.exceptions.Exit(BAD_INPUT if is_input else FAILED) from error
+        except KeyboardInterrupt as stop:
             say("interrupted")
-            end(INTERRUPTED)
+            raise click.exceptions.Exit(INTERRUPTED) from stop
 
 
 def _say_warning(message: Warning | str, *_arguments: object, **_options: object) -> None:
     say(f"warning: {str(message).split(SILENCE)[0].rstrip()}")  # without the advice for Python
-
-
-def shows_progress() -> bool:
-    """Return whether the process has an error stream, to which a progress bar can be written."""
-    return sys.stderr is not None

@@ -16,12 +16,12 @@ from ..scene_files.locations import FileLocation
 STUDY = Path(__file__).parent / "templates" / "study.toml"
 SCENE_HEAD = """\
 # A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
-# the comments give; texts may have another unit: clearance = "0.1 mm".
+# the comments give. A number in another unit is written as a text: clearance = "0.1 mm".
 #
 #   clearjoint check {scene}            check that the scene can run
 #   clearjoint run {scene} --end 0.1
 #
-# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete.
+# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete them.
 
 """
 MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
@@ -48,8 +48,8 @@ replace the placeholders in the template of its study."""
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     """Return the texts of a scene file and a study file for a mechanism.
 
-    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the files, to which
-    the texts refer.
+    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the two files, which
+    occur in the texts.
     """
     make, values = MECHANISMS[mechanism]
     with TemporaryDirectory() as folder:
@@ -61,18 +61,19 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     return SCENE_HEAD.format(scene=scene) + saved, text
 
 
-def write_example(mechanism: str, folder: Path) -> list[Path]:
+def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     """Write the scene file and the study file of a mechanism into a folder; return their paths.
 
     **Raises:** `ValueError` if one of the files exists.
     """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
-    paths = [folder / name for name in names]
-    for path in paths:
-        if path.exists():
-            remedy = "remove it, or choose another folder by --out"
-            FileLocation(str(path)).refuse("a file", "no existing file", remedy)
+    scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)
-    for path, text in zip(paths, example_texts(mechanism, *names), strict=True):
+    for path in (scene, study):
+        if path.exists():
+            FileLocation(str(path)).refuse(
+                "a file", "no existing file", "remove it, or choose another folder by --out"
+            )
+    for path, text in zip((scene, study), example_texts(mechanism, *names), strict=True):
         path.write_text(text, encoding="utf-8")
-    return paths
+    return scene, study

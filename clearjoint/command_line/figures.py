@@ -1,5 +1,6 @@
 """Draw the figures of results as PNG files."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 from zlib import crc32
 
@@ -15,99 +16,101 @@ from ..plot.sections import section_points
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.observation import Observation
 from ..simulation.results.solution import Solution
+from ..simulation.run.sections import Crossings
 from .endings import say
-from .folders import OUTPUTS, Folder
+from .folders import FIGURES, OUTPUTS, read_summary, read_table
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 DPI = 150
 """Resolution of the files, dots per inch."""
 LONGEST_FILE = 200
 """Longest file name without suffix, bytes; file systems allow 255."""
 MOST_LINES = 6
-"""Values of a second axis up to which each gets a curve; for more, a map is drawn."""
+"""Largest number of values of a sweep's second axis for which an output is drawn as one curve for
+each value. For more values, a map is drawn."""
 
 
-def draw_run(folder: Folder, scene: Scene, solution: Solution, observed: Observation) -> None:
+def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
     """Draw the figures of a run: orbit and forces of each clearance joint, energies, outputs,
     sections, and the report on one page.
 
-    **Arguments:** `observed`: observation of the saved states.
+    **Arguments:** `folder`: folder of the results; `solution`: the run; `observed`: observation of
+    its saved states.
     """
     matplotlib.use("agg")
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
-            _write(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
+            _save(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
         forces = plot.contact_forces(observed, name)
         _mark_peaks(forces, solution.impacts, name)
-        _write(folder, f"{name} forces", forces)
-    _write(folder, "energies", plot.energy_ledger(observed)[0])
-    outputs = folder.table(OUTPUTS)
-    if outputs is not None:
-        for name in map(str, outputs.data_vars):
-            drawn = _over_time(outputs, name)
-            _mark_extremes(drawn, outputs, name)
-            _write(folder, f"output {name}", drawn)
+        _save(folder, f"{name} forces", forces)
+    _save(folder, "energies", plot.energy_ledger(observed)[0])
+    outputs = read_table(folder, OUTPUTS)
+    for name, values in ({} if outputs is None else outputs).items():
+        _save(folder, f"output {name}", _over_time(values))
     for name, crossings in solution.sections.items():
-        _draw_section(folder, name, crossings.to_xarray())
-    title = str(folder.summary()["title"])
+        if len(crossings):
+            _save(folder, f"section {name}", _section(crossings))
+    title = str(read_summary(folder)["title"])
     plot.report(scene, solution, folder / "report.pdf", title=title)
 
 
-def draw_sweep(folder: Folder, dataset: "xr.Dataset") -> None:
-    """Draw the figures of a sweep: each output over the first axis, and, for two axes, one curve
-    for each value of the second axis, or a map; and bifurcation diagrams."""
+def draw_sweep(folder: Path, dataset: "xr.Dataset") -> None:
+    """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
+
+    An output is drawn over the first axis. For two axes there is a curve for each value of the
+    second axis or, if these are many, a map. Channels of sections are drawn over a single axis.
+    """
     matplotlib.use("agg")
-    axes = [str(dim) for dim in dataset["result"].dims]
-    if axes == ["lane"]:
-        coordinates = dataset["result"].coords
-        axes = [str(name) for name in coordinates if coordinates[name].dims == ("lane",)][:1]
-    for name, variable in dataset.data_vars.items():
-        along_lanes = variable.dims == dataset["result"].dims
+    lanes = dataset["result"]
+    axes = [str(dim) for dim in lanes.dims]
+    if axes == ["lane"]:  # zipped axes, of which the first is drawn
+        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
+    for name, variable in dataset.items():
         is_output = name not in ("result", "attempts", "accepted", "time_reached")
-        if along_lanes and is_output and variable.dtype.kind == "f":
+        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
     for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
-        channels = [v for v in dataset if f"{name}_number" in dataset[v].dims]
-        for channel in (str(v).removeprefix(f"{name}_") for v in channels):
-            if len(axes) == 1 and channel != "time" and dataset[f"{name}_{channel}"].ndim == 2:
-                _write(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
+        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
+            channel = variable.removeprefix(f"{name}_")
+            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
+                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
 
 
-def draw_fit(folder: Folder, found: Fit) -> None:
+def draw_fit(folder: Path, found: Fit) -> None:
     """Draw the figures of a fit: measured series with predictions, and the correlations of the
     estimated parameters."""
     matplotlib.use("agg")
-    _save(folder, "fitted", plot.fitted(found)[0, 0].figure)
+    _save(folder, "fitted", plot.fitted(found)[0, 0])
     if len(found.parameters) > 1:
-        _write(folder, "correlations", plot.correlations(found))
+        _save(folder, "correlations", plot.correlations(found))
 
 
-def _draw_output(folder: Folder, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
-    finite = np.isfinite(dataset[name].values)
-    if not finite.any():
+def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
+    """Draw one output of a sweep over its axes; draw nothing if all values are NaN or infinite."""
+    if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
-        _write(folder, name, plot.against(dataset, name, axes[0]))
+        _save(folder, name, plot.against(dataset, name, axes[0]))
     elif len(axes) == 2 and dataset.sizes[axes[1]] <= MOST_LINES:
         drawn = None
         for value in dataset[axes[1]].values:
             drawn = plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
         assert drawn is not None
-        _write(folder, name, drawn)
+        _save(folder, name, drawn)
     elif len(axes) == 2:
-        _write(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
+        _save(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
     else:
         say(f"note: no figure of {name}, since the sweep has {len(axes)} axes, more than two")
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """Mark the peak of each impact of a joint in a figure of forces, since saved states may miss
-    it."""
+    """Mark the peaks of a joint's impacts in a figure of forces, since saved states may miss
+    them."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
@@ -120,47 +123,40 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
     )
 
 
-def _mark_extremes(drawn: "Axes", outputs: "xr.Dataset", name: str) -> None:
-    """Mark the largest and the smallest value of an output, if known, since saved states may miss
-    them."""
-    attributes = outputs[name].attrs
-    if "largest" not in attributes:
-        return
-    times, values = scaled(outputs["time"]), scaled(outputs[name])
-    for which in ("largest", "smallest"):
-        x, y = times.factor * attributes[f"{which}_time"], values.factor * attributes[which]
-        drawn.plot(x, y, "o", color=plot.style.DARK, markersize=4)
-
-
-def _draw_section(folder: Folder, name: str, crossings: "xr.Dataset") -> None:
+def _section(crossings: Crossings) -> "Axes":
     """Draw the crossings of a section: the second channel over the first one, or a single channel
     over time."""
-    channels = list(map(str, crossings.data_vars))[:2]
-    channels = ["time", *channels] if len(channels) == 1 else channels
-    if crossings.sizes["time"]:
-        values = [crossings[channel].values for channel in channels]
-        units = [str(crossings[channel].attrs.get("units", "1")) for channel in channels]
-        times = crossings["time"].values
-        drawn = section_points(times, values, channels, units, None, None, None)
-        _write(folder, f"section {name}", drawn)
+    units, values = dict(crossings.units), dict(crossings.values)
+    if len(values) == 1:
+        units, values = {"time": "s"} | units, {"time": crossings.times} | values
+    names = list(values)[:2]
+    columns, units = [values[name] for name in names], [units[name] for name in names]
+    return section_points(crossings.times, columns, names, units, None, None, None)
 
 
-def _over_time(table: "xr.Dataset", name: str) -> "Axes":
+def _over_time(output: "xr.DataArray") -> "Axes":
+    """Draw an output over time, and mark its extremes, if known, since saved states may miss
+    them."""
     axes = plot.style.axes_or_new(None)
-    times, values = scaled(table["time"]), scaled(table[name])
+    times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
+    if "largest" in output.attrs:
+        for which in ("largest", "smallest"):
+            x = times.factor * output.attrs[f"{which}_time"]
+            y = values.factor * output.attrs[which]
+            axes.plot(x, y, "o", color=plot.style.DARK, markersize=4)
     return plot.style.dress(axes, times.label, values.label)
 
 
-def _write(folder: Folder, name: str, axes: "Axes") -> None:
-    _save(folder, name, axes.figure)  # pyright: ignore
-
-
-def _save(folder: Folder, name: str, figure: "Figure") -> None:
+def _save(folder: Path, name: str, axes: "Axes") -> None:
+    """Write the figure of the axes to a PNG file in the folder of figures."""
     from matplotlib import pyplot
 
     file = name.replace(" ", "_").replace("/", "_")
     if len(file.encode()) > LONGEST_FILE:
         file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
-    figure.savefig(folder.figures / f"{file}.png", dpi=DPI)
+    (folder / FIGURES).mkdir(exist_ok=True)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.savefig(folder / FIGURES / f"{file}.png", dpi=DPI)
     pyplot.close(figure)

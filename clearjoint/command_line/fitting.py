@@ -17,7 +17,8 @@ from ..parametrisation.parameter import Parameter
 from ..scene_files.locations import FileLocation
 from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import Folder
+from .folders import write_scene, write_summary, write_table
+from .paths import find_path
 from .reports import write_fit_report
 from .study import Study
 from .study_parts import FitPart
@@ -26,9 +27,11 @@ ESTIMATES, REPORT = "estimates", "report.txt"
 FITTED_SCENE = "fitted.toml"
 
 
-def fit(study: Study, out: Path) -> CommandResult:
+def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit], and write the estimates, the fitted series, a
-    report and a page to the folder `out`.
+    report and a page.
+
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     """
@@ -46,7 +49,7 @@ def fit(study: Study, out: Path) -> CommandResult:
             study.state,
             measured,
             parameters,
-            study.settings(part, "fit"),
+            study.settings("fit"),
             start_time=part.start,
             guess=guess or None,
             starts=part.starts,
@@ -58,20 +61,20 @@ def fit(study: Study, out: Path) -> CommandResult:
         if not stopped.fits:
             return CommandResult(INTERRUPTED, "interrupted before the first run ended")
         interrupted, found = True, stopped.fits[-1]
-    folder = Folder.made(out)
+    folder.mkdir(parents=True, exist_ok=True)
     _write(found, folder)
-    converged = found.ending is Ending.CONVERGED
     summary = {
         "ended": "interrupted" if interrupted else found.ending.value,
         "samples": found.samples,
         "chi_squared": found.chi_squared,
         "degrees_of_freedom": found.degrees_of_freedom,
     }
-    folder.write_summary("fit", study, summary, start)
+    write_summary(folder, "fit", study, summary, start)
     write_fit_report(folder, found)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"
         return CommandResult(INTERRUPTED, line)
+    converged = found.ending is Ending.CONVERGED
     if not converged:
         say(f"error: the fit did not converge: {found.ending.value}")
     estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
@@ -80,46 +83,36 @@ def fit(study: Study, out: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Read the measurements from the CSV file; values and noise are converted to SI units."""
+    """Return the measurements in the CSV file that the study names, in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
         location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
     # A noise that is a text is converted below, when the unit of its series is known.
-    texts = {name for name, column in part.columns.items() if isinstance(column.noise, str)}
+    texts = {name: c.noise for name, c in part.columns.items() if isinstance(c.noise, str)}
     channels = {
         name: Channel(column.quantity, 1.0 if name in texts else column.noise, column.unit)
         for name, column in part.columns.items()
     }
     options = {} if part.comment is None else {"comment": part.comment}
-    read = read_csv(
-        path,
-        channels,
-        time=part.time,
-        time_unit=part.time_unit,
-        missing="drop" if part.missing == "drop" else "refuse",
-        **options,
-    )
-    converted = {}
-    for name, series in read.series.items():
-        if name in texts:
-            noise_location = location.at("columns", name, "noise")
-            noise = number_of_text(part.columns[name].noise, series.unit, noise_location)
-            rows = series.times, series.values
-            series = Series(series.channel, *rows, noise, series.unit, series.name)
-        converted[name] = series
-    return Measurements(converted)
+    time = {"time": part.time, "time_unit": part.time_unit}
+    read = read_csv(path, channels, missing=part.missing, **time, **options).series
+    for name, text in texts.items():
+        one = read[name]
+        noise = number_of_text(text, one.unit, location.at("columns", name, "noise"))
+        read[name] = Series(one.channel, one.times, one.values, noise, one.unit, one.name)
+    return Measurements(read)
 
 
 def _parameters(
     study: Study, part: FitPart, location: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit by name, and the guesses, in SI units, of those for which
-    the study has one."""
+    """Return the parameters of the fit by name, and by name the guesses that the study has, in SI
+    units."""
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
         part_location = location.at("parameters", name)
-        found = study.find(one.path, part_location.at("path"))
+        found = find_path(one.path, study.scene, study.state, part_location.at("path"))
         make = Parameter.initial if found.in_state else Parameter
         parameters[name] = make(found.path, one.scale, unit=found.unit)
         if one.guess is not None:
@@ -130,30 +123,27 @@ def _parameters(
 def _say_iteration(
     parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
 ) -> None:
-    values = ", ".join(
-        f"{name} {float(parameter.scale.value(coordinate)):.6g}"
-        for (name, parameter), coordinate in zip(
-            parameters.items(), iteration.coordinates, strict=True
-        )
-    )
+    pairs = zip(parameters.items(), iteration.coordinates, strict=True)
+    values = [f"{name} {float(one.scale.value(x)):.6g}" for (name, one), x in pairs]
     rejected = "" if iteration.accepted else " (rejected)"
     say(
         f"iteration {iteration.number} of at most {max_iterations}: "
-        f"chi squared {iteration.chi_squared:.6g}, {values}{rejected}"
+        f"chi squared {iteration.chi_squared:.6g}, {', '.join(values)}{rejected}"
     )
 
 
-def _write(found: Fit, folder: Folder) -> None:
-    folder.write_scene(found.scene, found.state, FITTED_SCENE)
-    folder.write_table(ESTIMATES, found.to_xarray())
+def _write(found: Fit, folder: Path) -> None:
+    """Write the fitted scene, the estimates, the report and a table of each series."""
+    write_scene(folder, found.scene, found.state, FITTED_SCENE)
+    write_table(folder, ESTIMATES, found.to_xarray())
+    (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
+    rows = ("time",)
     for name, series in found.measurements.series.items():
         columns = {
-            "measured": (series.values, series.unit, "measured"),
-            "noise": (series.noise, series.unit, "one standard deviation"),
-            "fitted": (found.predictions[name], series.unit, "fitted"),
-            "residual": (found.residuals[name], "1", "(fitted - measured) / noise"),
+            "measured": Labelled(rows, series.values, series.unit, "measured"),
+            "noise": Labelled(rows, series.noise, series.unit, "one standard deviation"),
+            "fitted": Labelled(rows, found.predictions[name], series.unit, "fitted"),
+            "residual": Labelled(rows, found.residuals[name], "1", "(fitted - measured) / noise"),
         }
-        rows = {key: Labelled(("time",), *column) for key, column in columns.items()}
-        times = {"time": Labelled(("time",), np.asarray(series.times), "s", "time")}
-        folder.write_table(f"series {name}", labelled_dataset(f"fit of {name}", rows, times))
-    (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
+        times = {"time": Labelled(rows, np.asarray(series.times), "s", "time")}
+        write_table(folder, f"series {name}", labelled_dataset(f"fit of {name}", columns, times))

@@ -3,14 +3,17 @@
 Commands import the modules that compute when they run, so that help is fast.
 """
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
+from inspect import getdoc
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import click
 
 from .. import runtime
-from .endings import CommandResult, end, shows_progress, understandable
+from .endings import CommandResult, understandable
 
 if TYPE_CHECKING:
     from .study import Study
@@ -23,14 +26,15 @@ is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Make a function a command of the program that prints errors as sentences.
+    """Return a decorator that makes a function a command of the program, whose errors are printed
+    as sentences.
 
-    **Arguments:** `examples`: command lines for the help.
+    **Arguments:** `name`: name of the command; `examples`: command lines for the help.
     """
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
-        text = f"{function.__doc__}\n\n\b\nExamples:\n{lines}"
+        text = f"{getdoc(function)}\n\n\b\nExamples:\n{lines}"
         return clearjoint.command(name, help=text)(understandable()(function))
 
     return decorate
@@ -58,17 +62,19 @@ def clearjoint() -> None:
     """
 
 
-FILE = click.argument("file", type=click.Path(path_type=Path))
+FOLDER = click.Path(path_type=Path, file_okay=False)
+FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 SET = click.option(
     "--set",
     "changes",
     multiple=True,
     metavar="PATH=VALUE",
-    help="Change a number or table of the file: joints.pin.clearance=0.2mm. Repeatable.",
+    help="Change a number or a table of the file, for example joints.pin.clearance=0.2mm. The "
+    "option may be repeated.",
 )
 OUT = click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     help="Folder of the results; by default results/<name of the file>/<command>.",
 )
 END = click.option("--end", metavar="SECONDS", help="End of the run, such as 2 or 500ms.")
@@ -92,25 +98,24 @@ PRESET = click.option(
     help="Write the scene with an assembled state, which satisfies its joints, to this file.",
 )
 def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | None) -> None:
-    """Check a file without running it.
+    """Check a scene file or a study file without running it.
 
-    Prints bodies, joints, degrees of freedom, constraint errors, contacts, warnings of unusual
-    numbers, and whether the scene can run; for a study file, also its run, sweep and fit.
+    The command prints bodies, joints, degrees of freedom, constraint errors, contacts and warnings
+    of unusual numbers, and tells whether the scene can run. For a study file, it also checks and
+    prints the run, the sweep and the fit.
     """
     study = _study(file, changes)
-    from . import checking
+    from ..dynamics.assembly import assemble as assembled
+    from ..scene_files.files import save
+    from .checking import description, number_paths
 
-    if paths:
-        click.echo("\n".join(checking.number_paths(study)))
-        return
     if assemble is not None:
-        checking.save_assembled(study, assemble)
+        state = assembled(study.scene, study.state, study.parts.run.start)
+        save(study.scene, state, assemble)
         click.echo(f"wrote {assemble}")
         return
-    checked = checking.checked(study)
-    click.echo("\n".join(checked.lines))
-    if checked.refusal is not None:
-        raise ValueError(checked.refusal)
+    for line in number_paths(study) if paths else description(study):
+        click.echo(line)
 
 
 @command(
@@ -125,27 +130,19 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
 @PRESET
 @SET
 @OUT
-def run(
-    file: Path,
-    end: str | None,
-    save_every: str | None,
-    preset: str | None,
-    changes: tuple[str, ...],
-    out: Path | None,
-) -> None:
+def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene and write tables, figures and a page.
 
-    The folder contains netCDF and CSV files (motion; forces of contacts and joints, and energies;
-    impacts; outputs and sections of the study), figures, index.html with all of it, and
-    reached.toml, the scene with the final state, to continue the run.
+    The folder of the results contains tables in netCDF and CSV files: the motion, forces of
+    contacts and joints, energies, impacts, and the outputs and sections of the study. It also
+    contains figures, the page index.html with all results, and reached.toml, the scene with its
+    final state, from which the run can be continued.
     """
-    options = {"end": end, "save_every": save_every, "preset": preset}
-    given = [f"run.{name}={value}" for name, value in options.items() if value is not None]
-    study = _study(file, (*changes, *given))
+    study = _study(file, changes, "run", options)
     from .running import run as run_study
 
-    folder = _folder(file, out, "run")
-    _finish(run_study(study, folder, shows_progress()), folder)
+    folder = out or _default_folder(file, "run")
+    _finish(run_study(study, folder, _shows_progress()), folder)
 
 
 @command(
@@ -158,21 +155,18 @@ def run(
 @PRESET
 @SET
 @OUT
-def sweep(
-    file: Path, end: str | None, preset: str | None, changes: tuple[str, ...], out: Path | None
-) -> None:
+def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene for many values of its numbers.
 
-    The study's [sweep] defines them. The folder contains sweep.zarr, sweep.csv with a row for each
-    lane, figures and index.html. The same command continues an interrupted sweep.
+    The section [sweep] of the study names the numbers and their values. The folder of the results
+    contains sweep.zarr, sweep.csv with a row for each run, figures, and the page index.html. The
+    same command continues an interrupted sweep.
     """
-    options = {"end": end, "preset": preset}
-    given = [f"sweep.{name}={value}" for name, value in options.items() if value is not None]
-    study = _study(file, (*changes, *given))
+    study = _study(file, changes, "sweep", options)
     from .sweeping import sweep as sweep_study
 
-    folder = _folder(file, out, "sweep")
-    _finish(sweep_study(study, folder, shows_progress()), folder)
+    folder = out or _default_folder(file, "sweep")
+    _finish(sweep_study(study, folder, _shows_progress()), folder)
 
 
 @command("fit", "clearjoint fit study.toml", "clearjoint fit study.toml --out results/second")
@@ -182,26 +176,27 @@ def sweep(
 def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     """Estimate numbers of a scene from measurements.
 
-    The study's [fit] names the CSV file, its columns and the parameters. The folder contains
-    report.txt, estimates.csv with errors and correlations, the fitted series, figures, index.html,
-    and fitted.toml, the scene with the estimates.
+    The section [fit] of the study names the CSV file of the measurements, its columns and the
+    parameters. The folder of the results contains report.txt, estimates.csv with errors and
+    correlations, the fitted series, figures, the page index.html, and fitted.toml, the scene with
+    the estimates.
     """
     study = _study(file, changes)
     from .fitting import fit as fit_study
 
-    folder = _folder(file, out, "fit")
+    folder = out or _default_folder(file, "fit")
     _finish(fit_study(study, folder), folder)
 
 
 @command("report", "clearjoint report results/four_bar/run")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=FOLDER)
 def report(folder: Path) -> None:
     """Draw the figures of a folder of results again and write its page."""
     _prepare()
-    from .folders import PAGE, Folder
+    from .folders import PAGE
     from .reports import write_report
 
-    write_report(Folder.found(folder))
+    write_report(folder)
     click.echo(f"{folder / PAGE}")
 
 
@@ -212,9 +207,10 @@ def report(folder: Path) -> None:
     "clearjoint schema study --example",
 )
 @click.argument("kind", type=click.Choice(["scene", "study"]), default="scene")
-@click.option("--example", is_flag=True, help="Print an example file with comments instead.")
+@click.option("--example", is_flag=True, help="Print an example of a file instead.")
 def schema(kind: str, example: bool) -> None:
-    """Print the JSON Schema of scene or study files, with which editors complete and check."""
+    """Print the JSON Schema of scene files or study files, with which editors complete and check
+    them."""
     import json
 
     from ..scene_files.schema import scene_schema
@@ -229,25 +225,14 @@ def schema(kind: str, example: bool) -> None:
 
 
 @command("new", "clearjoint new four_bar", "clearjoint new slider_crank --out press")
-@click.argument("mechanism")
+@click.argument("mechanism", type=click.Choice(["double_pendulum", "four_bar", "slider_crank"]))
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=".",
-    help="Folder of the files; by default the current one.",
+    "--out", type=FOLDER, default=".", help="Folder of the files; by default the current one."
 )
 def new(mechanism: str, out: Path) -> None:
-    """Write an example scene and study with comments.
+    """Write an example of a scene file and of a study file, with comments."""
+    from .examples import write_example
 
-    MECHANISM is double_pendulum, four_bar or slider_crank.
-    """
-    from ..fields.checks import require
-    from ..fields.suggestions import nearest
-    from .examples import MECHANISMS, write_example
-
-    remedy = nearest(mechanism, MECHANISMS, "name one of these")
-    known = mechanism in MECHANISMS
-    require(known, "mechanism", mechanism, f"one of {', '.join(MECHANISMS)}", remedy)
     scene, study = write_example(mechanism, out)
     click.echo(f"wrote {scene} and {study}; next: clearjoint check {study}")
 
@@ -265,15 +250,27 @@ def _prepare() -> None:
         runtime.configure()
 
 
-def _study(file: Path, changes: tuple[str, ...]) -> "Study":
+def _study(
+    file: Path,
+    changes: tuple[str, ...],
+    section: str = "",
+    options: Mapping[str, str | None] = MappingProxyType({}),
+) -> "Study":
+    """Read a study with changes, to which options of the command for a `section` are added."""
     _prepare()
     from .study import read_study
 
-    return read_study(file, changes)
+    given = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
+    return read_study(file, (*changes, *given))
 
 
-def _folder(file: Path, out: Path | None, command: str) -> Path:
-    return Path("results") / file.stem / command if out is None else out
+def _default_folder(file: Path, command: str) -> Path:
+    return Path("results") / file.stem / command
+
+
+def _shows_progress() -> bool:
+    """Return whether the process has an error stream, to which a progress bar can be written."""
+    return sys.stderr is not None
 
 
 def _finish(result: CommandResult, folder: Path) -> None:
@@ -282,4 +279,4 @@ def _finish(result: CommandResult, folder: Path) -> None:
 
     page = folder / PAGE
     click.echo(f"{result.line}: {page if page.exists() else 'nothing was written'}")
-    end(result.code)
+    raise click.exceptions.Exit(result.code)

@@ -13,14 +13,13 @@ from ..export.tabular import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
 from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
-from ..simulation.results.impact_table import Impacts
 from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution
 from ..sweeps.store.store import open_sweep
 from ..views.viewing import view
 from . import figures
 from .endings import say
-from .folders import MOTION, NUMBERS, PAGE, STORE, Folder, scene_and_solution
+from .folders import FIGURES, MOTION, NUMBERS, PAGE, STORE, read_run, read_summary
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,17 +37,17 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: blo
   overflow-x: auto; }
 th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right;
   overflow-wrap: anywhere; }
-th { text-align: left; } td.text { text-align: left; }
+th { text-align: left; } .summary td { text-align: left; }
 figure { display: inline-block; margin: .5rem; vertical-align: top; }
 figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
 pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 """
 
 
-def write_report(folder: Folder) -> None:
+def write_report(folder: Path) -> None:
     """Draw the figures of the results in a folder again, and write the HTML page that shows
     them."""
-    kind = folder.summary()["kind"]
+    kind = read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
     elif kind == "sweep":
@@ -57,22 +56,24 @@ def write_report(folder: Folder) -> None:
         write_page(folder)
 
 
-def write_run_report(folder: Folder) -> None:
+def write_run_report(folder: Path) -> None:
     """Draw the figures of a run, and write its page and, if possible, its 3D view."""
     parts = []
-    if folder.table(MOTION) is not None:
-        scene, solution = scene_and_solution(folder)
+    if (folder / NUMBERS).exists():
+        numbers = pd.read_csv(folder / NUMBERS).set_index("output")
+        parts.append(_table("Outputs", numbers, len(numbers)))
+    if (folder / f"{MOTION}.nc").exists():
+        scene, solution = read_run(folder)
         figures.draw_run(folder, scene, solution, observe(scene, solution))
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
-            parts.append(_hardest_impacts(solution.impacts))
-    if (folder / NUMBERS).exists():
-        numbers = pd.read_csv(folder / NUMBERS).set_index("output")
-        parts.insert(0, _table("Outputs", numbers, len(numbers)))
+            rows = impact_rows(solution.impacts, len(solution.impacts))
+            frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
+            parts.append(_table("Hardest impacts", frame, ROWS))
     write_page(folder, *parts)
 
 
-def write_sweep_report(folder: Folder, dataset: "xr.Dataset") -> None:
+def write_sweep_report(folder: Path, dataset: "xr.Dataset") -> None:
     """Draw the figures of a sweep, and write the CSV table of all lanes and the page."""
     frame = lane_table(dataset)
     frame.to_csv(folder / TABLE, index=False)
@@ -80,53 +81,49 @@ def write_sweep_report(folder: Folder, dataset: "xr.Dataset") -> None:
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
-def write_fit_report(folder: Folder, found: Fit) -> None:
+def write_fit_report(folder: Path, found: Fit) -> None:
     """Draw the figures of a fit and write its page."""
     figures.draw_fit(folder, found)
     write_page(folder)
 
 
-def write_page(folder: Folder, *parts: str) -> None:
-    """Write the HTML page of a folder: summary, texts, figures, the given HTML `parts`, and links
-    to the files. The page contains its figures and loads nothing from the network."""
-    summary = folder.summary()
+def write_page(folder: Path, *parts: str) -> None:
+    """Write the HTML page of a folder of results, which loads nothing from the network.
+
+    It contains the summary, texts, figures and links to the files.
+
+    **Arguments:** `parts`: further parts of the page, as HTML.
+    """
+    summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
-    rows = [
-        f'<tr><th>{escape(key.replace("_", " "))}</th><td class="text">{escape(text)}</td></tr>'
-        for key, text in ((key, _without_none(str(value))) for key, value in summary.items())
-        if text != "None"
-    ]
+    # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
+    rows = {
+        key.replace("_", " "): re.sub(r"\((\w+=None(, )?)+\)", "", str(value))
+        for key, value in summary.items()
+        if str(value) != "None"
+    }
+    with pd.option_context("display.max_colwidth", None):  # or pandas would cut long texts
+        table = pd.Series(rows).to_frame().to_html(header=False, border=0, classes="summary")
     texts = [
         f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
-        for path in folder.path.glob("*.txt")
+        for path in folder.glob("*.txt")
     ]
-    names = sorted(path.name for path in folder.path.iterdir() if path.is_file())
-    links = [f'<li><a href="{quote(n)}">{escape(n)}</a></li>' for n in names if n != PAGE]
-    content = [
-        f"<h1>{title}</h1><table>{''.join(rows)}</table>",
-        *texts,
-        *map(_picture, folder.pictures()),
-        *parts,
-        f"<h2>Files</h2><ul>{''.join(links)}</ul>",
-    ]
+    pictures = [_picture(path) for path in sorted((folder / FIGURES).glob("*.png"))]
+    names = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name != PAGE)
+    links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
+    files = f"<h2>Files</h2><ul>{links}</ul>"
+    body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
     head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
-    body = "\n".join(content)
     html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
     (folder / PAGE).write_text(html, encoding="utf-8")
 
 
-def _without_none(text: str) -> str:
-    """Return the text of a setting without options that are None: "Tsit5" for
-    "Tsit5(scan_kind=None)"."""
-    return re.sub(r"\((\w+=None(, )?)+\)", "", text)
-
-
 def _picture(path: Path) -> str:
     """Return the HTML of a figure, with the content of the PNG file, and its name as caption."""
-    content = path.read_bytes()  # bytes 16 to 20 of a PNG are its width
+    content = path.read_bytes()
     data = base64.b64encode(content).decode("ascii")
     name = escape(path.stem.replace("_", " "))
-    width = round(int.from_bytes(content[16:20], "big") * SCREEN)
+    width = round(int.from_bytes(content[16:20], "big") * SCREEN)  # the header of a PNG has it
     image = f'<img alt="{name}" width="{width}" src="data:image/png;base64,{data}">'
     return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
 
@@ -136,13 +133,6 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
     shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
     more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
     return f"<h2>{escape(title)}</h2>{shown}{more}"
-
-
-def _hardest_impacts(impacts: Impacts) -> str:
-    """Return the HTML table of the impacts with the largest peak forces."""
-    rows = impact_rows(impacts, len(impacts))
-    frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
-    return _table("Hardest impacts", frame, ROWS)
 
 
 def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
@@ -157,7 +147,7 @@ def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
     return to_frame(table, "lane")
 
 
-def _write_view(folder: Folder, scene: Scene, solution: Solution) -> None:
+def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
     """Write the page with the 3D animation, or a note if the extra for it is not installed."""
     try:
         view(scene, solution).save(folder / VIEW)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import equinox as eqx
 import numpy as np
+import pandas as pd
 
 from ..export.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
@@ -28,8 +29,8 @@ from ..simulation.run.simulate import simulate
 from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
+from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import IMPACTS, MOTION, NUMBERS, OBSERVED, OUTPUTS, REACHED, SECTION, Folder, Summary
 from .reports import write_run_report
 from .study import Study
 from .study_parts import RunPart
@@ -62,20 +63,49 @@ class Negative(AbstractQuantity):
         self.quantity.check(scene)
 
 
-def run(study: Study, out: Path, progress: bool) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page to the folder `out`.
+def run(study: Study, folder: Path, progress: bool) -> CommandResult:
+    """Run a study's scene, and write tables, figures and a page.
 
-    **Returns:** the exit code, and the result in a line.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
+    whether to show a progress bar.
     """
-    start, part = time.perf_counter(), study.parts.run
-    reductions = reductions_of(part, study.settings(part, "run"))
-    code, solution = _solution(study, part, reductions, progress)
-    folder = Folder.made(out)
-    largest = (0.0, "")
+    start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
+    reductions = reductions_of(part, settings)
+    end, code = study.end(), WELL
+    contacts = bool(study.scene.contact_joints())
+    times, sections = saved_times(part, end), study.sections()
+    try:
+        solution = simulate(
+            study.scene,
+            study.state,
+            end,
+            settings,
+            Saving(times, impacts=contacts, sections=sections, outputs=reductions),
+            start_time=part.start,
+            throw=False,
+            progress=progress,
+        )
+        if solution.result != RESULTS.successful:
+            code = FAILED
+    except RunInterrupted as stopped:
+        assert isinstance(stopped.solution, Solution)
+        code, solution = INTERRUPTED, stopped.solution
+    folder.mkdir(parents=True, exist_ok=True)
+    force, contact = 0.0, ""
     if solution.saved is not None and len(solution.saved):
-        largest = write_results(study, solution, reductions, folder)
-    folder.write_scene(study.scene, solution.final, REACHED)
-    folder.write_summary("run", study, _summary(study, solution, code, largest), start)
+        force, contact = write_results(study, solution, reductions, folder)
+    folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
+    summary = {
+        "ended": "interrupted" if code == INTERRUPTED else RESULTS[solution.result],
+        "start_time_s": part.start,
+        "time_reached_s": float(solution.time),
+        "steps_accepted": int(solution.accepted),
+        "steps_tried": int(solution.attempts),
+        **({} if solution.impacts is None else {"impacts": len(solution.impacts)}),
+        **({"largest_force_N": force, "largest_force_of": contact} if contact else {}),
+        **dict(solution.settings),
+    }
+    folders.write_summary(folder, "run", study, summary, start)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code == FAILED:
@@ -83,59 +113,35 @@ def run(study: Study, out: Path, progress: bool) -> CommandResult:
     if code == INTERRUPTED:
         say(f"interrupted at {reached}")
     if code != WELL:
-        say(f"the results so far are in {folder.path}; {REACHED} has the state to continue from")
-    force = f", largest force {largest[0]:.4g} N ({largest[1]})" if largest[1] else ""
+        say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
     count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
-    return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{force}")
+    largest = f", largest force {force:.4g} N ({contact})" if contact else ""
+    return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return the reductions of a run by name: those among its outputs, and two for each output
-    that is a quantity with a unit of `SHARP`, which find its largest and smallest value."""
-    chosen: dict[str, AbstractReduction] = {}
+    """Return the reductions of a run by name.
+
+    These are the reductions among the outputs of the section [run] and, for each quantity among
+    them whose unit is in `SHARP`, two reductions that find its largest and its smallest value. The
+    latter are left out, with a warning, if the solver of the run has no dense output.
+    """
+    chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
+    extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
-        if isinstance(output, AbstractReduction):
-            chosen[name] = output
-        elif output.unit in SHARP:
-            chosen[name + LARGEST] = Peak(output, output.unit)
-            chosen[name + SMALLEST] = Peak(Negative(output), output.unit)
-    try:
-        if chosen:
+        if isinstance(output, AbstractQuantity) and output.unit in SHARP:
+            extremes[name + LARGEST] = Peak(output, output.unit)
+            extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
+    if extremes:
+        try:
             require_dense(Scheme.of(settings, redundant=False).method.solver)
-    except ValueError:
-        requested = {name: one for name, one in chosen.items() if name in part.outputs}
-        if len(requested) < len(chosen):
+        except ValueError:
+            extremes = {}
             say(
                 "warning: the solver has no dense output: extremes of outputs between saved states "
                 "are unknown; choose an explicit solver, or save more often"
             )
-        return requested
-    return chosen
-
-
-def _solution(
-    study: Study, part: RunPart, reductions: Mapping[str, AbstractReduction], progress: bool
-) -> tuple[int, Solution]:
-    end = study.end()
-    contacts = bool(study.scene.contact_joints())
-    times, sections = saved_times(part, end), study.sections()
-    save = Saving(times, impacts=contacts, sections=sections, outputs=reductions)
-    settings = study.ledger_for(study.settings(part, "run"), part.outputs)
-    try:
-        solution = simulate(
-            study.scene,
-            study.state,
-            end,
-            settings,
-            save,
-            start_time=part.start,
-            throw=False,
-            progress=progress,
-        )
-    except RunInterrupted as stopped:
-        assert isinstance(stopped.solution, Solution)
-        return INTERRUPTED, stopped.solution
-    return (WELL if solution.result == RESULTS.successful else FAILED), solution
+    return chosen | extremes
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
@@ -158,55 +164,52 @@ def write_results(
     study: Study,
     solution: Solution,
     reductions: Mapping[str, AbstractReduction],
-    folder: Folder,
+    folder: Path,
 ) -> tuple[float, str]:
     """Write the tables of a run: motion, observation, impacts, sections and outputs.
 
     **Returns:** the largest normal force of a contact, N, and the contact.
     """
-    folder.write_scene(study.scene, study.state)
-    folder.write_table(MOTION, solution.to_xarray())
+    folders.write_scene(folder, study.scene, study.state)
     observed = observe(study.scene, solution)
-    folder.write_table(OBSERVED, observed.to_xarray())
+    tables = {folders.MOTION: solution, folders.OBSERVED: observed}
     if solution.impacts is not None:
-        folder.write_table(IMPACTS, solution.impacts.to_xarray())
-    for name, crossings in solution.sections.items():
-        folder.write_table(f"{SECTION}{name}", crossings.to_xarray())
-    if any(isinstance(output, AbstractQuantity) for output in study.parts.run.outputs.values()):
-        folder.write_table(OUTPUTS, _outputs(study, solution))
+        tables[folders.IMPACTS] = solution.impacts
+    tables |= {f"{folders.SECTION}{name}": found for name, found in solution.sections.items()}
+    for name, table in tables.items():
+        folders.write_table(folder, name, table.to_xarray())
+    quantities = {
+        n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
+    }
+    if quantities:
+        folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
     if reductions:
         _write_numbers(solution, reductions, folder)
     return _largest_force(solution, observed)
 
 
-def _outputs(study: Study, solution: Solution) -> "xr.Dataset":
-    """Return the outputs that are quantities at the saved states; known extremes are attributes."""
-    saved, rows = solution.saved, ("time",)
+def _outputs(
+    quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
+) -> "xr.Dataset":
+    """Return the values of quantities at the saved states. Extremes that reductions have found are
+    attributes, with the times, s, at which they occur."""
+    saved, rows, found = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
-    for name, quantity in study.parts.run.outputs.items():
-        if not isinstance(quantity, AbstractQuantity):
-            continue
-        values, attributes = values_along(study.scene, solution, quantity, saved), {}
-        if name + LARGEST in solution.outputs:
-            attributes = _extremes(name, solution)
-            _note_missed_extremes(name, values, attributes, quantity.unit)
+    for name, quantity in quantities.items():
+        values, extremes = values_along(scene, solution, quantity, saved), {}
+        if name + LARGEST in found:
+            extremes = {
+                "largest": found[name + LARGEST],
+                "largest_time": found[f"{name}{LARGEST}_time"],
+                "smallest": -found[name + SMALLEST],
+                "smallest_time": found[f"{name}{SMALLEST}_time"],
+            }
+            _note_missed_extremes(name, values, extremes, quantity.unit)
         title = type(quantity).__name__
-        variables[name] = Labelled(rows, values, quantity.unit, title, attributes)
+        variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
-
-
-def _extremes(name: str, solution: Solution) -> dict[str, float]:
-    """Return the largest and the smallest value of an output and their times, s, under the keys
-    "largest", "largest_time", "smallest" and "smallest_time"."""
-    outputs = solution.outputs
-    return {
-        "largest": outputs[name + LARGEST],
-        "largest_time": outputs[f"{name}{LARGEST}_time"],
-        "smallest": -outputs[name + SMALLEST],
-        "smallest_time": outputs[f"{name}{SMALLEST}_time"],
-    }
 
 
 def _note_missed_extremes(
@@ -219,16 +222,14 @@ def _note_missed_extremes(
         say(
             f"note: the saved samples of {name} are between {values.min():.4g} and "
             f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
-            f"{NUMBERS} has these extremes; a smaller save_every gives more samples"
+            f"{folders.NUMBERS} has these extremes; a smaller save_every gives more samples"
         )
 
 
 def _write_numbers(
-    solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Folder
+    solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Path
 ) -> None:
     """Write the outputs that are one number of the run, with their units."""
-    import pandas as pd
-
     rows = []
     for name, reduction in reductions.items():
         sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
@@ -237,7 +238,7 @@ def _write_numbers(
             value = solution.outputs[output]
             rows.append((output, value if part else sign * value, unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
-    frame.to_csv(folder / NUMBERS, index=False)
+    frame.to_csv(folder / folders.NUMBERS, index=False)
 
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
@@ -248,24 +249,8 @@ def _largest_force(solution: Solution, observed: Observation) -> tuple[float, st
         for joint, family in observed.contacts.items()
         for contact, values in family.items()
     ]
-    if solution.impacts is not None and len(solution.impacts):
-        hardest = int(np.argmax(solution.impacts.peak_force))
-        names = solution.impacts.joint[hardest], solution.impacts.contact[hardest]
-        forces.append((float(solution.impacts.peak_force[hardest]), contact_label(*names)))
+    if (impacts := solution.impacts) is not None and len(impacts):
+        k = int(np.argmax(impacts.peak_force))
+        label = contact_label(impacts.joint[k], impacts.contact[k])
+        forces.append((float(impacts.peak_force[k]), label))
     return max(forces, default=(0.0, ""))
-
-
-def _summary(study: Study, solution: Solution, code: int, largest: tuple[float, str]) -> Summary:
-    ending = "interrupted" if code == INTERRUPTED else RESULTS[solution.result]
-    impacts = {} if solution.impacts is None else {"impacts": len(solution.impacts)}
-    if largest[1]:
-        impacts |= {"largest_force_N": largest[0], "largest_force_of": largest[1]}
-    return {
-        "ended": ending,
-        "start_time_s": study.parts.run.start,
-        "time_reached_s": float(solution.time),
-        "steps_accepted": int(solution.accepted),
-        "steps_tried": int(solution.attempts),
-        **impacts,
-        **dict(solution.settings),
-    }

@@ -3,25 +3,33 @@
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
+from typing import TypeAlias
+
+from jaxtyping import PyTree
 
 from ..fields.checks import require
 from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..quantities.base import AbstractQuantity
 from ..scene_files.files import scene_of_document
-from ..scene_files.formats import SUFFIXES, Document, read_document
-from ..scene_files.locations import FileLocation, Keys, listed
+from ..scene_files.formats import Document, read_document
+from ..scene_files.locations import FileLocation, Keys, existing, keys_of, listed, written
 from ..scene_files.reading import Reader
+from ..simulation.reductions.reductions import AbstractReduction
 from ..simulation.run.sections import Section
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings
-from .paths import FoundPath, find_path, keys_of
-from .study_parts import CLASSES, FitPart, RunPart, StudyParts, SweepPart
+from ..sweeps.outputs import ImpactTable
+from .study_parts import CLASSES, StudyParts
 
+Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
+"""Parts of a study that name elements of the scene."""
 SCENE = "scene"
 PARTS = tuple(part.name for part in fields(StudyParts))
-PRESETS = [name for name, value in vars(presets).items() if isinstance(value, Settings)]
 
 
 @dataclass(frozen=True)
@@ -50,32 +58,29 @@ class Study:
         """Title of the study, or the name of its file without suffix."""
         return self.parts.title or self.path.stem
 
-    def settings(self, part: RunPart | SweepPart | FitPart, section: str) -> Settings:
-        """Return the settings of a section: those of its preset with the changes that it makes. A
-        section [sweep] without preset and changes has the settings of [run].
+    def settings(self, section: str) -> Settings:
+        """Return the settings of a section "run", "sweep" or "fit": those of its preset with the
+        changes that the section makes.
 
-        **Arguments:** `part`: content of the section; `section`: its name.
-
-        **Raises:** `ValueError` for an unknown preset.
+        A section [sweep] without preset and changes has the settings of [run]. The energy ledger is
+        switched on if an output of the section needs it.
         """
+        part = getattr(self.parts, section)
+        needs_ledger = any(
+            getattr(output, "needs_ledger", False)
+            for output in getattr(part, "outputs", {}).values()
+        )
         if section == "sweep" and part.preset is None and part.settings is None:
-            return self.settings(self.parts.run, "run")
-        name = part.preset or "default"
-        if name not in PRESETS:
-            remedy = nearest(name, PRESETS, "write one of these")
-            self.location.at(section, "preset").refuse(name, f"one of {listed(PRESETS)}", remedy)
-        given = _table(self.document.get(section, {})).get("settings", {})
-        changes = {key: getattr(part.settings, key) for key in _table(given)}
-        return replace(getattr(presets, name), **changes)
-
-    def ledger_for(self, settings: Settings, outputs: Mapping[str, object]) -> Settings:
-        """Return the settings, with the energy ledger switched on if one of the outputs needs
-        it."""
-        needed = any(getattr(output, "needs_ledger", False) for output in outputs.values())
-        return replace(settings, ledger=True) if needed else settings
+            section, part = "run", self.parts.run
+        table = self.document.get(section)
+        given = table.get("settings", {}) if isinstance(table, dict) else {}
+        changes = {key: getattr(part.settings, key) for key in given}
+        if needs_ledger:
+            changes["ledger"] = True
+        return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the end of runs, s: `section_end`, or for None the end in the section [run].
+        """Return the end of runs, s: `section_end` or, if that is None, the end in [run].
 
         **Raises:** `ValueError` if there is neither, and for an end before the start.
         """
@@ -86,23 +91,32 @@ class Study:
         require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
 
+    def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
+        """Check that the scene has the elements that outputs, sections or quantities name.
+
+        **Arguments:** `named`: the outputs, sections or quantities, by name; `keys`: keys of the
+        table in the file that contains them.
+
+        **Raises:** `ValueError` with the location in the file.
+        """
+        for name, one in named.items():
+            with self.location.at(*keys, name).in_errors():
+                one.check(self.scene)
+
     def sections(self) -> dict[str, Section]:
         """Return the Poincaré sections of the run, by name."""
-        sections = {}
-        for name, part in self.parts.run.sections.items():
-            channels = {
-                key: (channel, channel.unit or "1") for key, channel in part.channels.items()
-            }
-            sections[name] = Section(part.crossing, channels, part.count, part.after)
-        return sections
-
-    def find(self, texts: str | Iterable[str], location: FileLocation) -> FoundPath:
-        """Find the number of the scene or of the state at a written path, see `find_path`."""
-        names = texts if isinstance(texts, str) else tuple(texts)
-        return find_path(names, self.scene, self.state, location)
+        return {
+            name: Section(
+                part.crossing,
+                {key: (channel, channel.unit or "1") for key, channel in part.channels.items()},
+                part.count,
+                part.after,
+            )
+            for name, part in self.parts.run.sections.items()
+        }
 
 
-def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
+def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     """Read a study file, or a scene file as a study without sections.
 
     ```toml
@@ -123,37 +137,25 @@ def read_study(path: Path, settings: Iterable[str] = ()) -> Study:
     count = 20
     ```
 
-    **Arguments:** `settings`: changes, such as "joints.pin.clearance=0.2mm" of the scene or
-    "run.end=2" of the study.
+    **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
+    the scene or "run.end=2" in the study.
 
     **Raises:** `ValueError` with the location, the value, the expected values and a remedy.
     """
-    document, location = _document(path)
+    document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
-        known = {"title", *PARTS} & set(document)
-        study = {key: document.pop(key) for key in known}
+        study = {key: document.pop(key) for key in PARTS if key in document}
         scene_document, scene_location = document, location
     else:
         study, scene_document, scene_location = _parts_and_scene(document, location)
-    for change in settings:
-        in_study, keys = _set(study, scene_document, change)
-        changed = location if in_study else scene_location
+    for change in changes:
+        is_in_study, keys = _set(study, scene_document, change)
+        changed = location if is_in_study else scene_location
         if changed.source is not None:
             changed.source.changes[(*changed.keys, *keys)] = change
     scene, state = scene_of_document(scene_document, (), scene_location)
     parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
     return Study(scene, state, parts, location, study)
-
-
-def _document(path: Path) -> tuple[Document, FileLocation]:
-    location = FileLocation(str(path))
-    if path.is_dir():
-        location.refuse(path.name, "a file", "`clearjoint report` takes folders")
-    if not path.exists():
-        names = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
-        remedy = nearest(path.name, names, f"there {'is' if names else 'are'} {listed(names)}")
-        location.refuse(path.name, "an existing file", remedy)
-    return read_document(path)
 
 
 def _parts_and_scene(
@@ -164,12 +166,13 @@ def _parts_and_scene(
     if SCENE not in document:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
         location.refuse(sorted(document), "`scene` or `bodies`", remedy)
-    scene, study = document[SCENE], {k: v for k, v in document.items() if k != SCENE}
+    scene = document.pop(SCENE)
     if isinstance(scene, dict):
-        return study, scene, location.at(SCENE)
-    if not isinstance(scene, str):
-        location.at(SCENE).refuse(scene, "the path of a scene file, or a table", "write one")
-    return study, *_document(Path(location.file).parent / scene)
+        return document, scene, location.at(SCENE)
+    path = Path(location.file).parent / str(scene)
+    if not path.is_file():
+        location.at(SCENE).refuse(scene, "the path of a scene file, or a table", "correct it")
+    return document, *read_document(path)
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
@@ -180,44 +183,27 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     **Raises:** `ValueError` for a change without "=", and for unknown keys.
     """
     location = FileLocation(f"--set {change}")
-    name, equals, text = change.partition("=")
+    path, equals, text = change.partition("=")
     if not equals:
         location.refuse(change, "a path and a value", "write joints.pin.clearance=0.2mm, say")
-    keys = keys_of(name.strip(), location)
-    node: object = study if keys[0] in PARTS else scene
-    for depth, key in enumerate(keys[:-1]):
-        node = _entry(node, key, keys[:depth], study, location)
+    with location.in_errors():
+        keys = keys_of(path.strip())
+    is_in_study = keys[0] in PARTS
+    if keys[0] == "run":
+        study.setdefault("run", {})
     try:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
-    if isinstance(node, list) and isinstance(keys[-1], int) and keys[-1] < len(node):
-        node[keys[-1]] = value
-    elif isinstance(node, dict):
-        node[str(keys[-1])] = value
-    else:
-        location.refuse(node, f"a table with {keys[-1]!r}", "set the whole table or list")
-    return keys[0] in PARTS, keys
-
-
-def _entry(
-    node: object, key: str | int, parents: Keys, study: Document, location: FileLocation
-) -> object:
-    """Return the entry of a table or list at `key`; a missing section [run] of the study is
-    added."""
-    if isinstance(node, dict):
-        if node is study and key == "run":
-            node.setdefault("run", {})
-        if str(key) in node:
-            return node[str(key)]
-        otherwise = f"add a section [{key}] to the file" if node is study else "take one of these"
-        remedy = nearest(str(key), node, otherwise)
-        parent = ".".join(map(str, parents)) or "the top"
-        location.refuse(str(key), f"one of {listed(node)} at {parent}", remedy)
-    if isinstance(node, list) and isinstance(key, int) and key < len(node):
-        return node[key]
-    return location.refuse(str(key), "an existing key", "see the file")
-
-
-def _table(content: object) -> dict:
-    return content if isinstance(content, dict) else {}
+    tables = study if is_in_study else scene
+    found, last = existing(tables, keys), len(keys) - 1
+    table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
+    if len(found) == last and isinstance(table, dict):
+        found = (*found, keys[last])  # the last key may be new
+    if len(found) < len(keys):
+        key, parent = keys[len(found)], written(found) or "the top"
+        known = list(table) if isinstance(table, dict) else []
+        otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
+        location.refuse(key, f"one of {listed(known)} at {parent}", nearest(key, known, otherwise))
+    table[found[last]] = value
+    return is_in_study, found

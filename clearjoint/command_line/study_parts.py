@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
 import diffrax
 
@@ -15,6 +15,7 @@ from ..dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..fields.checks import require, require_count
 from ..identification.screening.screening import Screening
 from ..identification.starts import Starts
+from ..measurements.readers import Missing
 from ..parametrisation.scales import AbstractScale, Bounded, Linear, Log
 from ..quantities.base import AbstractQuantity
 from ..scene_files.schema import Catalogue, Schema, scene_properties
@@ -24,12 +25,14 @@ from ..simulation.reductions.base import AbstractReduction
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
-SPACINGS = "linear", "geometric"
+Spacing = Literal["linear", "geometric"]
+Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
+"""Names of the settings in `clearjoint.presets`."""
 
 
 @dataclass(frozen=True)
 class SectionPart:
-    """A Poincaré section: see `clearjoint.Section`."""
+    """A Poincaré section, with the arguments of `clearjoint.Section`."""
 
     crossing: AbstractQuantity
     channels: Mapping[str, AbstractQuantity]
@@ -42,20 +45,21 @@ class SectionPart:
 
 @dataclass(frozen=True)
 class RunPart:
-    """Settings and outputs of a run.
+    """The section [run]: settings and outputs of a run.
 
     - `start`, `end`: first and last time, s.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
-    - `outputs`: quantities along the saved states, for forces and accelerations with their extremes
-      between saved states; and reductions such as `Peak`, one number of the run.
-    - `sections`: Poincaré sections.
+    - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
+      the extremes of forces and accelerations between saved states are found too. A reduction,
+      such as `Peak`, gives one number of the run.
+    - `sections`: Poincaré sections, by name.
     """
 
     end: Annotated[float | None, "s"] = None
     start: Annotated[float, "s"] = 0.0
-    preset: str = "default"
+    preset: Preset = "default"
     settings: Settings | None = None
     save_every: Annotated[float | None, "s"] = None
     outputs: Mapping[str, AbstractQuantity | AbstractReduction] = field(default_factory=dict)
@@ -64,24 +68,24 @@ class RunPart:
 
 @dataclass(frozen=True)
 class AxisPart:
-    """The values of a number of the scene: a list, or `count` values from `start` to `stop`.
+    """The values that a number of the scene or of the initial state takes in a sweep.
 
-    `path`: such as "joints.pin.clearance"; several, in a list, get the same value. Values are in SI
-    units, or texts with a unit.
+    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
+      same value.
+    - `values`: the list of values. Otherwise there are `count` values from `start` to `stop`, at
+      equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
+      units, or a text with a unit.
     """
 
     path: str | Sequence[str]
-    values: Any = None
-    start: Any = None
-    stop: Any = None
+    values: Sequence[float | str] | None = None
+    start: float | str | None = None
+    stop: float | str | None = None
     count: int = 10
-    spacing: str = "linear"
+    spacing: Spacing = "linear"
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of values")
-        remedy = "write one of these"
-        known = self.spacing in SPACINGS
-        require(known, "spacing", self.spacing, f"one of {SPACINGS}", remedy)
         has_ends = self.start is not None and self.stop is not None
         given = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
@@ -93,19 +97,20 @@ class AxisPart:
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The axes of a sweep, and the outputs of each lane.
+    """The section [sweep]: axes of a sweep, and outputs of each lane.
 
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The `sections` of the run are
-      stored too.
-    - `end`, `preset`, `settings`: those of the run unless given.
+    - `axes`: numbers that vary, by name.
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
+      [run] are computed too.
+    - `end`, `preset`, `settings`: those of [run] unless given.
     - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
-    - `chunk`: lanes that are stored together.
+    - `chunk`: number of lanes that are stored together.
     """
 
     axes: Mapping[str, AxisPart]
     outputs: Mapping[str, AbstractReduction | ImpactTable] = field(default_factory=dict)
     end: Annotated[float | None, "s"] = None
-    preset: str | None = None
+    preset: Preset | None = None
     settings: Settings | None = None
     zipped: bool = False
     chunk: int | None = None
@@ -121,33 +126,38 @@ class ColumnPart:
     """
 
     quantity: AbstractQuantity
-    noise: Any
+    noise: float | str
     unit: str | None = None
 
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene to estimate.
+    """A number of the scene or of the initial state to estimate.
 
-    - `path`: such as "joints.pin.clearance"; several, in a list, get the same value.
+    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
+      same value.
     - `scale`: scale of the parameter, by default linear.
-    - `guess`: first guess: a number in SI units, or a text with a unit; by default the value in the
-      scene.
+    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in
+      the scene or state.
     """
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
-    guess: Any = None
+    guess: float | str | None = None
 
 
 @dataclass(frozen=True)
 class FitPart:
-    """Parameters to estimate from measurements.
+    """The section [fit]: parameters to estimate from measurements.
 
-    - `measurements`: a CSV file, relative to the study's folder. `time`: its column of times, in
-      `time_unit` unless the header has a unit.
-    - `columns`: quantities by column names; `missing`: "drop" ignores samples without a number.
-    - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
+    - `measurements`: path of a CSV file, relative to the study's folder. `time`: name of its column
+      of times, in `time_unit` unless the header has a unit. `comment`: character with which comment
+      lines begin.
+    - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
+      that are not numbers, "refuse" makes them errors.
+    - `parameters`: numbers to estimate, by name.
+    - `grow`, `max_iterations`, `starts`: arguments of `clearjoint.identify`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
     measurements: str
@@ -155,13 +165,13 @@ class FitPart:
     parameters: Mapping[str, ParameterPart]
     time: str = "t"
     time_unit: str = "s"
-    missing: str = "refuse"
+    missing: Missing = "refuse"
     comment: str | None = None
     grow: Sequence[Annotated[float, "s"]] = ()
     max_iterations: int = 100
     starts: Starts | Screening | None = None
     start: Annotated[float, "s"] = 0.0
-    preset: str = "identification"
+    preset: Preset = "identification"
     settings: Settings | None = None
 
 
@@ -190,11 +200,11 @@ CLASSES: tuple[type, ...] = (
 )
 """Classes that study files may name: quantities, reductions, methods, solvers, scales, starts."""
 TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
+"""Classes of the tables of study files, which the files do not name."""
 
 
 def study_schema() -> Schema:
-    """Return the JSON Schema (2020-12) of study files, which contain a scene or name its file, as a
-    dictionary for `json.dump`."""
+    """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
     catalogue = Catalogue((*CLASSES, *TABLES))
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}

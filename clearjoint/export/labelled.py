@@ -1,4 +1,5 @@
-"""Datasets by the CF conventions: arrays with units and descriptions, versions and settings."""
+"""Make xarray datasets that follow the CF conventions: arrays with units and descriptions, and as
+attributes the settings of the run and the versions of the programs."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -41,7 +42,7 @@ def labelled_dataset(
     """Return a dataset of labelled arrays, with the versions of the programs as an attribute.
 
     **Arguments:** `title`: attribute "title"; `variables`, `coordinates`: arrays by name; `notes`:
-    settings and numbers for readers, which become attributes.
+    further attributes, such as the settings of the run.
     """
     import xarray as xr
 
@@ -56,7 +57,7 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts of the same shape, which may be empty."""
+    """Return labels as an array of texts with the same shape; there may be no labels."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 

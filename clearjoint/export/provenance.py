@@ -1,4 +1,4 @@
-"""Provenance of numbers: settings and versions as texts for readers."""
+"""Describe how results were computed: settings and versions of programs as texts."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -15,8 +15,9 @@ Notes = tuple[tuple[str, str | int | float], ...]
 
 
 def describe(value: object) -> str:
-    """Return a value as text: classes and functions by their names, with the numbers they contain.
+    """Return a text that describes a value, such as "Hertz(stiffness=1e9)".
 
+    Objects are described by the name of their class and by their fields, functions by their names.
     Arrays are cut off after `LONGEST` characters.
     """
     if isinstance(value, partial):
@@ -37,13 +38,13 @@ def describe(value: object) -> str:
 
 
 def described(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the text of each value, from `describe`, by name."""
+    """Return the text of each value by name, from `describe`."""
     return {name: describe(value) for name, value in values.items()}
 
 
 def setting_notes(values: object) -> Notes:
-    """Return pairs ("setting_<field>", value) for a dataclass; values other than numbers as
-    texts."""
+    """Return a pair ("setting_<field>", value) for each field of a dataclass. Numbers are kept,
+    other values are described by texts."""
     by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
     return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
 

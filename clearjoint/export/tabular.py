@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
-"""Dimensions whose labels precede the variable's name in a column: "arm" in "arm.position.x"."""
+"""Dimensions whose labels precede the name of the variable in the name of a column, as "arm" does
+in "arm.position.x"; labels of other dimensions follow it."""
 
 
 class AbstractTabular(abc.ABC):
-    """A result that can be exported as `xarray.Dataset`, data frame, CSV and netCDF file.
+    """Base class of results that can be exported as dataset, data frame, CSV and netCDF file.
 
     ```python
     import clearjoint as cj
@@ -92,8 +93,8 @@ def header(name: str, attributes: dict) -> str:
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     """Return a data frame with a row for each position along one dimension of a dataset.
 
-    Variables and coordinates without that dimension are left out. Codes with flags are replaced by
-    their meanings.
+    Variables and coordinates without this dimension are left out. Numbers of a variable with the
+    attribute "flag_meanings", such as result codes, are replaced by their meanings.
 
     **Arguments:** `rows`: name of the dimension; by default the dataset's first.
     """
@@ -112,8 +113,8 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    """Return the columns of a variable, (rows,) each, one for each combination of its other
-    labels."""
+    """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
+    of its other dimensions."""
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
     attributes = array.attrs

@@ -1,2 +1,2 @@
-"""Measured series of quantities, with noise: conversion of units, reading of files, and
-residuals."""
+"""Measured series of quantities with their noise: reading of files, conversion of units, and
+residuals of predictions."""

@@ -1,10 +1,11 @@
-"""Readers of measurements from CSV files and xarray datasets.
+"""Read measurements from CSV files and xarray datasets.
 
 Error messages count rows of data from 1, without the header, blank lines and comment lines.
 """
 
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -22,25 +23,19 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-T = TypeVar("T")
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
-_LINE_OPTIONS = (
-    "comment",
-    "compression",
-    "delimiter",
-    "dialect",
-    "encoding",
-    "engine",
-    "escapechar",
-    "quotechar",
-    "quoting",
-    "sep",
-    "skip_blank_lines",
-    "skipinitialspace",
-    "skiprows",
-)
-"""Options of `pandas.read_csv` that determine how one line is split into fields."""
+_FIRST_LINE = {
+    "header": None,
+    "nrows": 1,
+    "index_col": False,
+    "usecols": None,
+    "dtype": None,
+    "converters": None,
+    "parse_dates": False,
+    "skipfooter": 0,
+}
+"""Options by which `pandas.read_csv` reads the header as a row of texts."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class Channel:
     - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
       row. ``None`` takes the `noise` argument of the reader.
-    - `unit`: unit of the column, any that pint knows, if the table doesn't tell the unit.
+    - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'
@@ -67,9 +62,9 @@ class Channel:
 class _Column:
     """One column of a table.
 
-    - `label`: description of the column for error messages.
-    - `values`: the values in the table.
-    - `unit`: unit according to the table, or ``None``.
+    - `label`: name of the column and of the table, for error messages.
+    - `values`: the values in the table, (rows,).
+    - `unit`: unit that the table gives, or ``None``.
     """
 
     label: str
@@ -77,7 +72,7 @@ class _Column:
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """Return the values as floats, (rows,), with NaN for text that is not a number.
+        """Return the values as floats, (rows,), with NaN for texts that are not numbers.
 
         **Raises:** `ValueError` for dates and truth values.
         """
@@ -92,13 +87,21 @@ class _Column:
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the first row where `fine` (rows,) is false."""
+        """Raise a `ValueError` that names the first row for which `fine`, (rows,), is false."""
         if not fine.all():
             k = int(np.argmin(fine))
             value = self.values.tolist()[k]
             raise ValueError(
                 f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
             )
+
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Return a context in which messages of `ValueError` begin with the column's label."""
+        try:
+            yield
+        except ValueError as error:
+            raise ValueError(f"In {self.label}: {error}") from error
 
 
 def read_csv(
@@ -191,24 +194,29 @@ def function_from_csv(
     rows = column_named(column, "column")
     values = rows.numbers()
     rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
-    factor, _ = _within(rows, lambda: to_si(rows.unit or unit, unit))
+    with rows.in_errors():
+        factor, _ = to_si(rows.unit or unit, unit)
     return kind(times, values * factor)
 
 
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """Return a function that finds a column of a CSV file.
+    """Read a CSV file, and return a function that finds one of its columns.
 
-    The function receives the name of the column and the name of the user's argument in which it was
-    given, for error messages. `options` are those of `pandas.read_csv`.
+    The function receives the name of the column and, for error messages, the name of the argument
+    in which the user has passed it. `options` are those of `pandas.read_csv`.
     """
-    table = _read(path, {"index_col": False, "skipinitialspace": True, **options})
-    headers = [_split(header) for header in _headers(path, table, options)]
-    names = [name for name, _ in headers]
+    options = {"index_col": False, "skipinitialspace": True, **options}
+    table = _read(path, options)
+    headers = [_split(header) for header in table.columns]
+    names, written = [name for name, _ in headers], []
+    if {"header", "names"}.isdisjoint(options) and names:
+        # pandas renames repeated columns, so the header is read again as a row of texts.
+        written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
     file = f"{str(path)!r}"
 
     def column(name: str, argument: str) -> _Column:
         _require_listed(argument, name, names, f"columns of {file}")
-        once = names.count(name) == 1
+        once = max(names.count(name), written.count(name)) == 1
         require(once, argument, name, f"unique in {file}", "rename one of the columns")
         k = names.index(name)
         return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
@@ -285,17 +293,6 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
             ) from error
 
 
-def _headers(path: str | Path, table: "pd.DataFrame", options: dict[str, Any]) -> list[Hashable]:
-    """Return the header of each column: from the options "header" and "names" if given, or else as
-    written in the file, with repeated names unchanged."""
-    if not {"header", "names"}.isdisjoint(options) or not len(table.columns):
-        return list(table.columns)
-    # pandas appends numbers to repeated headers, so the first line is read again as data.
-    line_options = {k: v for k, v in options.items() if k in _LINE_OPTIONS}
-    first = _read(path, {"skipinitialspace": True, **line_options, "header": None, "nrows": 1})
-    return first.iloc[0].tolist()
-
-
 def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
     """Yield pairs (name, channel), after a check that each is a `Channel` with a valid name."""
     remedy = "pass cj.Channel(quantity, noise=...)"
@@ -307,8 +304,8 @@ def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Return the name and unit of a header such as "x [mm]"; the unit is ``None`` without
-    brackets."""
+    """Return the name and the unit of a header such as "x [mm]"; without brackets, the unit is
+    ``None``."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None
@@ -320,15 +317,18 @@ def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> N
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:
-    """Return the times of a column in s, (rows,); raise a `ValueError` if they don't rise.
+    """Return the times in a column, (rows,) s.
 
-    `unit`: unit of the times if the table has none.
+    **Arguments:** `unit`: unit of the times if the table has none.
+
+    **Raises:** `ValueError` for times that are not finite or don't rise.
     """
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
     column.require_each(rising, "later than the row before", "sort the rows, merge repeated times")
-    return times * _within(column, lambda: to_si(column.unit or unit, "s")[0])
+    with column.in_errors():
+        return times * to_si(column.unit or unit, "s")[0]
 
 
 def _series(
@@ -339,6 +339,14 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
+    """Return the series of a column.
+
+    **Arguments:** `name`: name of the column; `times`: (rows,) s; `noise`, `missing`: arguments of
+    the reader.
+
+    **Raises:** `ValueError` for invalid rows or noise, and for a column whose unit is unknown or is
+    not the channel's.
+    """
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")
     values = column.numbers()
@@ -346,7 +354,7 @@ def _series(
     if missing == "refuse":
         remedy = 'correct it, or pass missing="drop" to omit these samples'
         column.require_each(valid, "a finite number", remedy)
-    deviation = channel.noise if channel.noise is not None else noise
+    deviation = noise if channel.noise is None else channel.noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None
@@ -354,33 +362,15 @@ def _series(
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
         deviation = np.asarray(deviation)[valid]
-    unit = _unit(channel, column)
-    return _within(
-        column, lambda: Series(channel.quantity, times[valid], values[valid], deviation, unit, name)
-    )
-
-
-def _unit(channel: Channel, column: _Column) -> str:
-    """Return the column's unit, from the table or from its channel.
-
-    **Raises:** `ValueError` if neither has a unit, or if the two differ.
-    """
-    unit = column.unit if column.unit is not None else channel.unit
+    unit = channel.unit if column.unit is None else column.unit
     if unit is None:
         raise ValueError(
             f"The unit of {column.label} must be known, but neither the table nor the channel has "
             "one: write `name [unit]` in the header of a CSV column, set a variable's attribute "
             "`units`, or pass Channel(..., unit=...)."
         )
-    same = channel.unit in (None, unit)
     remedy = "omit the channel's unit, or correct the table"
-    require(same, f"unit of {column.label}", unit, f"the channel's {channel.unit!r}", remedy)
-    return unit
-
-
-def _within(column: _Column, make: Callable[[], T]) -> T:
-    """Return ``make()``; prefix the message of its `ValueError` with the column's description."""
-    try:
-        return make()
-    except ValueError as error:
-        raise ValueError(f"In {column.label}: {error}") from error
+    expected = f"the channel's {channel.unit!r}"
+    require(channel.unit in (None, unit), f"unit of {column.label}", unit, expected, remedy)
+    with column.in_errors():
+        return Series(channel.quantity, times[valid], values[valid], deviation, unit, name)

@@ -1,4 +1,4 @@
-"""Measured series: quantity, times, values, unit and noise."""
+"""Measured series: the measured quantity with times, values, unit and noise of its samples."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -32,8 +32,8 @@ class Series(AbstractReadable):
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
     - `unit`: unit of `values` and `noise`, any that pint knows; by default that of the channel. It
-      is required for a user-defined function, which has no unit; the function must return the SI
-      unit of the same dimension.
+      is required for a user-defined function, which has no unit; the function must return values
+      in the SI unit of the same dimension.
     - `name`: name of the series in error messages.
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
@@ -112,8 +112,9 @@ class Series(AbstractReadable):
         For a channel with a period, the nearest multiple of the period is subtracted from the
         difference, so that -pi and pi agree.
 
-        **Arguments:** `prediction`: (N,) the quantity at `times`, SI. The result is a NumPy array
-        for a NumPy array, and a JAX array for a JAX array.
+        **Arguments:** `prediction`: (N,) predicted values of the quantity at `times`, in SI units.
+
+        **Returns:** a JAX array for a JAX array, otherwise a NumPy array.
 
         **Raises:** `ValueError` for a prediction of another shape.
         """
@@ -152,8 +153,8 @@ class Series(AbstractReadable):
 def require_each(
     fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
-    """Raise a `ValueError` that names the first entry of `values` where `fine` is false; both
-    (N,)."""
+    """Raise a `ValueError` that names the first entry of `values`, (N,), for which `fine`, (N,), is
+    false."""
     if not fine.all():
         k = int(np.argmin(fine))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
@@ -218,13 +219,13 @@ class Measurements(AbstractReadable):
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return a copy with normally distributed noise added, of each series' standard
-        deviation."""
+        """Return a copy in which normally distributed noise is added to each series, with the
+        series' own standard deviation."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with the series by name, and their noise as "<name>_noise", in
-        SI.
+        """Return an `xarray.Dataset` with the series by name, and with the noise of each series as
+        "<name>_noise", both in SI units.
 
         The dimension of all variables is "time", s, if all series have the same times; otherwise it
         is "<name>_time".

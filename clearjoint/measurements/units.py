@@ -19,11 +19,12 @@ LARGEST_POWER = 1000
 """Largest product of all powers in a unit. Without a limit, pint would compute integers that
 exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
+"""A power with a small exponent, such as "**2" or "**(-1/2)"."""
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Return the factor that converts values in `unit` to SI, and the SI unit as text.
+    """Return the factor that converts values from a unit to an SI unit, and the SI unit as text.
 
     **Arguments:**
 

@@ -1,2 +1,5 @@
-"""Scenes and states in TOML, JSON and URDF files. The format of TOML and JSON follows from the
-arguments of the classes and their units."""
+"""Scenes and states in TOML, JSON and URDF files.
+
+A table of a TOML or JSON file contains the arguments of a class, and a number may be a text with a
+unit. So the classes themselves define the format, and new classes need no code here.
+"""

@@ -1,7 +1,8 @@
 """Classes that a file may name, and the values that the arguments of their constructors may have.
 
-A name imports nothing: the class belongs to the package, or the caller passes it. Values follow
-from annotations and units.
+A file may name classes of this package and those that the caller passes to `load`; no module is
+imported because a file names it. The values that an argument may have are derived from its
+annotation and from the unit of the field with its name.
 """
 
 import inspect
@@ -24,6 +25,7 @@ from typing import (
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ..fields.checks import require
 from ..fields.readable import AbstractReadable
@@ -34,27 +36,30 @@ from .locations import FileLocation, listed
 
 PACKAGE = __name__.split(".")[0]
 MAIN = "__main__"
-CONSTRUCTORS: dict[type, Callable[..., object]] = {BodyState: body_state}
-"""Functions that check arguments and make an instance, by the class, for classes whose constructors
-do not check."""
 REQUIRED = inspect.Parameter.empty
 Classes: TypeAlias = Collection[type]
+Maker: TypeAlias = Callable[..., PyTree]
+"""A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
+file contains the arguments of a maker."""
+CHECKED: dict[Maker, Maker] = {BodyState: body_state}
+"""For classes whose constructors do not check their arguments: functions that check them and make
+an object, by class."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have.
 
-    - `unit`: SI unit of its numbers; None if no unit is declared.
-    - `shapes`: shapes that its numbers may have, () for a single number; empty if unknown.
+    - `unit`: SI unit of numbers; None if no unit is declared.
+    - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: enumeration whose members are the only allowed values.
-    - `is_text`: whether a text is allowed.
+    - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `is_text`: whether any text is allowed.
     - `is_flag`: whether true and false are allowed.
-    - `is_anything`: whether any value is allowed, since the annotation says nothing.
-    - `by_name`: expected entries of a table of arbitrary names.
-    - `item`: expected entries of a list.
+    - `is_anything`: whether any value is allowed, because the argument has no annotation.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
+    - `item`: expectation for the entries of a list.
     - `default`: default value of the argument, or `REQUIRED`.
     """
 
@@ -62,7 +67,7 @@ class Expectation:
     shapes: tuple[tuple[int, ...], ...] = ()
     is_array: bool = False
     classes: tuple[type, ...] = ()
-    options: type[Enum] | None = None
+    options: Mapping[str, object] | None = None
     is_text: bool = False
     is_flag: bool = False
     is_anything: bool = False
@@ -95,28 +100,28 @@ def is_from_package(kind: type) -> bool:
 
 
 def is_abstract(kind: type) -> bool:
-    """Return whether a class is only a base of others."""
+    """Return whether a class is abstract or private, so that no file may name it."""
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
-def known_kinds(families: tuple[type, ...], given: Classes) -> dict[str, tuple[type, str]]:
-    """Return what a file may name as `kind`: by name, such as "Body" and "Body.rod", the class and
-    the name of its static method that makes an object, "" for the constructor.
+def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
+    """Return the makers that a file may name as `kind`, by their names, such as "Body" and
+    "Body.rod".
 
-    A class that the caller passes may have two names, with and without its module.
+    A user-defined class has two names, with and without its module.
 
-    **Arguments:** `families`: base classes, one of which a class must have, or none for any class;
-    `given`: user-defined classes that the caller passes.
+    **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
+    user-defined classes that the caller passes.
     """
     included = filter(is_from_package, _subclasses(AbstractReadable))
     named = {kind.__name__: kind for kind in (*given, *included)}
     named |= {class_name(kind): kind for kind in given}
-    return {
-        f"{name}.{factory}" if factory else name: (kind, factory)
-        for name, kind in named.items()
-        if issubclass(kind, families or (object,)) and not is_abstract(kind)
-        for factory in ("", *factories(kind))
-    }
+    found: dict[str, Maker] = {}
+    for name, kind in named.items():
+        if issubclass(kind, families or (object,)) and not is_abstract(kind):
+            found[name] = kind
+            found |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
+    return found
 
 
 def _subclasses(kind: type) -> Iterator[type]:
@@ -125,27 +130,40 @@ def _subclasses(kind: type) -> Iterator[type]:
         yield from _subclasses(subclass)
 
 
+@cache
+def _static_methods(kind: type) -> dict[str, Maker]:
+    """Return the public static methods, by name, whose annotation says that they return an object
+    of their class."""
+    return {
+        name: member.__func__
+        for name, member in vars(kind).items()
+        if isinstance(member, staticmethod)
+        and not name.startswith("_")
+        and _hints(member.__func__).get("return") is kind
+    }
+
+
 def family_names(families: tuple[type, ...]) -> str:
     """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
     return " or ".join(kind.__name__ for kind in families)
 
 
-def find_kind(
+def find_maker(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
-) -> tuple[type, str]:
-    """Return the class that a file names, and the name of its static method or "".
+) -> Maker:
+    """Return the class or static method that a file names.
 
     **Arguments:**
 
-    - `name`: the name in the file. For "__main__:Class", which a script has saved, a class "Class"
-      of any module is found.
-    - `families`, `given`: as for `known_kinds`.
-    - `location`: place of the name in the file, for error messages.
+    - `name`: the name in the file. A script saves its own class as "__main__:Class"; for such a
+      name, a class "Class" of any module is found.
+    - `families`, `given`: as for `makers`.
+    - `location`: location of the name in the file, for error messages.
 
-    **Raises:** `ValueError` if the name is no text or unknown, if the class has none of the base
-    classes, or if the caller has not passed a user-defined class.
+    **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
+    the base classes, and for a user-defined class that the caller has not passed.
     """
-    known = known_kinds(families, given)
+    known = makers(families, given)
     expected = f"one of {listed(known)}"
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
@@ -153,7 +171,7 @@ def find_kind(
     found = known.get(short if module == MAIN else name)
     if found is not None:
         return found
-    if name in known_kinds((), given):
+    if name in makers((), given):
         location.refuse(name, expected, f"take a subclass of {family_names(families)}")
     if module:
         expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
@@ -164,34 +182,11 @@ def find_kind(
 
 
 @cache
-def factories(kind: type) -> dict[str, Callable[..., object]]:
-    """Return the public static methods of a class that are annotated to return an instance of it,
-    by name."""
-    methods = {
-        name: member.__func__
-        for name, member in vars(kind).items()
-        if isinstance(member, staticmethod) and not name.startswith("_")
-    }
-    return {
-        name: method for name, method in methods.items() if _hints(method).get("return") is kind
-    }
-
-
-def constructor(kind: type, factory: str = "") -> Callable[..., object]:
-    """Return the function that makes an instance of a class: its static method named `factory`, or,
-    for an empty name, its constructor."""
-    return factories(kind)[factory] if factory else CONSTRUCTORS.get(kind, kind)
-
-
-@cache
-def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
-    """Return the accepted values of each argument, by its name, of a class's constructor.
-
-    With `factory`, the arguments are those of the static method of this name.
-    """
-    make = constructor(kind, factory)
-    make = kind.__init__ if make is kind else make
-    hints = _hints(make) | _hints(kind)
+def arguments(make: Maker) -> dict[str, Expectation]:
+    """Return the values that each argument of a maker may have, by the argument's name."""
+    make = CHECKED.get(make, make)
+    kind = make if isinstance(make, type) else _hints(make)["return"]
+    hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
     return {
         name: replace(
@@ -199,8 +194,7 @@ def arguments(kind: type, factory: str = "") -> dict[str, Expectation]:
             default=parameter.default,
         )
         for name, parameter in inspect.signature(make).parameters.items()
-        if name != "self"
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     }
 
 
@@ -221,9 +215,12 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
     )
 
 
-def _hints(owner: object) -> dict[str, object]:
-    """Return the annotations of a class or function by name; as texts if one of them names a type
-    that is unknown at run time."""
+def _hints(owner: object) -> dict[str, Any]:
+    """Return the annotations of a class or function by name.
+
+    If one of them names a type that is unknown at run time, all are returned as they were written,
+    which may be texts.
+    """
     try:
         return get_type_hints(owner, include_extras=True)
     except NameError:
@@ -231,8 +228,8 @@ def _hints(owner: object) -> dict[str, object]:
 
 
 def expectation(annotation: object) -> Expectation:
-    """Return the values that an annotation allows; a text in ``Annotated[float, "s"]`` is their
-    unit."""
+    """Return the values that an annotation allows. ``Annotated[float, "s"]`` declares a number with
+    the unit s."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         unit = next((note for note in inner[1:] if isinstance(note, str)), None)
@@ -241,7 +238,8 @@ def expectation(annotation: object) -> Expectation:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
-        # Shapes and classes add up, of all else the first that is given.
+        # The shapes and classes of all parts are allowed. Of every other property, the first value
+        # is taken that is not a default.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
             given = [value for part in parts if (value := getattr(part, entry.name))]
@@ -249,13 +247,13 @@ def expectation(annotation: object) -> Expectation:
             merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
         return Expectation(**merged)
     if origin is Literal:
-        return Expectation(is_text=True)
+        return Expectation(options={str(text): text for text in inner})
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
         return Expectation(by_name=expectation(inner[1]))
     if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
         return Expectation(item=expectation(inner[0]))
     if inspect.isclass(annotation) and issubclass(annotation, Enum):
-        return Expectation(options=annotation)
+        return Expectation(options=annotation.__members__)
     if inspect.isclass(annotation) and is_dataclass(annotation):
         return Expectation(classes=(annotation,))
     if annotation is Any or isinstance(annotation, str | TypeVar):

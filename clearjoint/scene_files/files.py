@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -13,7 +13,7 @@ import numpy as np
 from ..dynamics.assembly import assemble, check_names
 from ..fields.cautions import quiet
 from ..fields.suggestions import nearest
-from ..model.bodies import GROUND, BodyState, State, body_state
+from ..model.bodies import State
 from ..model.scene import Scene
 from .classes import Classes, require_classes
 from .formats import Document, format_document, parse, read_document, suffix_of
@@ -106,8 +106,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
     ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
     Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
-    without a state start at rest in positions found by following the joints from the ground; the
-    state is then assembled.
+    without a state start at rest; their positions and orientations are found by following the
+    joints from the ground, and `assemble` then closes loops.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs
@@ -149,8 +149,10 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
     """Return the location of the first difference of two objects, ``None`` if they are equal.
 
-    Fields and entries are compared recursively; arrays of NumPy and JAX are equal if their shapes,
-    dtypes and bits are. `location` is the location of both objects.
+    Fields and entries are compared recursively. Arrays of NumPy and JAX are equal if their shapes,
+    dtypes and bits are equal.
+
+    **Arguments:** `location`: location of both objects in the file.
     """
     are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
     are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
@@ -211,7 +213,7 @@ def scene_of_document(
 
 
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
-    """Return `state`, or an assembled state if it has not all bodies of the scene.
+    """Return `state`, or an assembled state if it lacks bodies of the scene.
 
     **Raises:** `ValueError` if the joints do not determine the missing states.
     """
@@ -224,41 +226,13 @@ def _completed(scene: Scene, state: State, location: FileLocation) -> State:
             f"one of each body in a scene of more than {MOST_ASSEMBLED} bodies",
             "give [state.bodies.<name>] a `position` (m) and an `orientation`",
         )
+    from ..model.arrangement import arranged_state  # imports SciPy
+
     try:
-        return assemble(scene, _guess_state(scene, state))
+        return assemble(scene, arranged_state(scene, state))
     except ValueError as error:
         raise ValueError(
             f"{location}: found no state of {listed(missing)} by following the joints from the "
             f"ground, expected one in the file: give [state.bodies.<name>] a `position` (m) and "
             f"an `orientation` that nearly fit the joints. {error}"
         ) from error
-
-
-def _guess_state(scene: Scene, given: State) -> State:
-    """Return the given state with the missing bodies added, at rest and parallel to the global
-    axes.
-
-    Joints are followed from the ground: the points that a joint brings together coincide. Bodies
-    that no joint connects lie at the origin.
-    """
-    from scipy.spatial.transform import Rotation
-
-    links = []
-    for joint in scene.joints.values():
-        ends = [(body, np.asarray(point)) for _, body, point in joint.attachments()]
-        if len(ends) == 2:
-            links += [(*ends[0], *ends[1]), (*ends[1], *ends[0])]
-    states: dict[str, BodyState] = dict(given.bodies)
-    while len(states) < len(scene.bodies):
-        reached = {GROUND, *states}
-        found = next((one for one in links if one[0] in reached and one[2] not in reached), None)
-        if found is None:
-            name = next(name for name in scene.bodies if name not in states)
-            states[name] = body_state(np.zeros(3))
-            continue
-        body, point, next_body, next_point = found
-        if body != GROUND:
-            turned = Rotation.from_quat(np.asarray(states[body].orientation), scalar_first=True)
-            point = np.asarray(states[body].position) + turned.apply(point)
-        states[next_body] = body_state(point - next_point)
-    return replace(given, bodies={name: states[name] for name in scene.bodies})

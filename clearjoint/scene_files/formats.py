@@ -4,13 +4,14 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import reduce
+from operator import getitem
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+from jaxtyping import PyTree
 
 from .locations import FileLocation, Keys, Source
-
-if TYPE_CHECKING:
-    from tomlkit.items import Item, Table
 
 Document: TypeAlias = dict[str, object]
 Units: TypeAlias = Mapping[Keys, str]
@@ -23,7 +24,8 @@ LONGEST_LINE = 12
 DEEPEST = 32
 """Largest number of nested tables and lists in a file."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""A dotted key that nests too deeply; the time of tomllib grows with the square of its length."""
+"""A dotted key with at least `DEEPEST` dots. It is refused before tomllib reads the text, since
+tomllib's time grows with the square of the key's length."""
 LARGEST = 200_000_000
 """Largest size of a file, bytes."""
 
@@ -39,8 +41,7 @@ def suffix_of(path: Path) -> str:
 
 
 def read_document(path: Path) -> tuple[Document, FileLocation]:
-    """Read a TOML or JSON file; return its tables, and the location of their top level, which later
-    messages need.
+    """Read a TOML or JSON file; return its tables and their location, for error messages.
 
     **Raises:** `ValueError` for a suffix other than .toml and .json, for bytes that are not UTF-8,
     for a file that is too large, and as `parse`.
@@ -60,8 +61,9 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
-    """Return the tables of the text of a file; `suffix` is ".toml" or ".json", `file` the path for
-    messages.
+    """Return the tables of the text of a file.
+
+    **Arguments:** `suffix`: ".toml" or ".json"; `file`: path of the file, for messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
@@ -117,41 +119,19 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
         whole = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     import tomlkit  # only needed to write
+    from tomlkit.items import Table
 
-    text = tomlkit.dumps(_toml_table(document, (), units))
-    return text if schema is None else f"#:schema ./{schema}\n{text}"
-
-
-def _toml_table(plain: Mapping[str, object], keys: Keys, units: Units) -> "Table":
-    import tomlkit
-
-    table = tomlkit.table(is_super_table=bool(plain) and all(map(_is_mapping, plain.values())))
-    for key, value in plain.items():
-        inner = (*keys, key)
-        item = _toml_item(value, inner, units)
-        unit = None if isinstance(value, str | Mapping) else units.get(inner)
-        if unit not in (None, "1"):
+    tables: PyTree = tomlkit.item(document)
+    for (*parents, last), unit in units.items():
+        # Only entries of tables can have comments; entries of lists and of inline tables share a
+        # line with others.
+        parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
+        item: PyTree = parent[last] if isinstance(parent, Table) else ""
+        if isinstance(item, str | Mapping):
+            continue
+        if unit != "1":
             item.comment(unit)
-        table.add(key, item)
-    return table
-
-
-def _toml_item(value: object, keys: Keys, units: Units) -> "Item":
-    import tomlkit
-
-    if isinstance(value, Mapping):
-        return _toml_table(value, keys, units)
-    if isinstance(value, list) and value and all(map(_is_mapping, value)):
-        tables = tomlkit.aot()
-        for k, entry in enumerate(value):
-            tables.append(_toml_table(entry, (*keys, k), units))
-        return tables
-    if isinstance(value, list):
-        array = tomlkit.array()
-        array.extend(value)
-        return array.multiline(len(value) > LONGEST_LINE)
-    return tomlkit.item(value)
-
-
-def _is_mapping(value: object) -> bool:
-    return isinstance(value, Mapping)
+        if isinstance(item, list):
+            item.multiline(len(item) > LONGEST_LINE)
+    text = tomlkit.dumps(tables)
+    return text if schema is None else f"#:schema ./{schema}\n{text}"

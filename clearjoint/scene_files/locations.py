@@ -1,26 +1,80 @@
 """Name locations in a file, and raise errors about the values there."""
 
+import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NoReturn, TypeAlias
 
+from ..fields.checks import require
+
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
+KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
+"""One key of a written path, bare or in quotation marks, which may be in brackets."""
 LONGEST = 60
 """Largest number of characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
 """Error messages name lines of TOML files with at most this number of characters."""
 
 
+def split(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path: ("joints", "crank pin", "clearance") for
+    "joints.crank pin.clearance".
+
+    Keys that contain dots are in quotation marks. Keys and indices may also be in brackets, as in
+    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
+    don't belong to a path, such as a second dot in a row, are skipped.
+    """
+    return tuple("".join(groups) for groups in KEY.findall(text))
+
+
+def keys_of(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path, see `split`.
+
+    **Raises:** `ValueError` for a text that is not a path.
+    """
+    expected = "names with dots between, such as joints.pin.clearance"
+    remedy = "put names that contain dots into quotation marks"
+    is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
+    require(is_whole, "path", text, expected, remedy)
+    return split(text)
+
+
+def written(keys: Keys) -> str:
+    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]"; keys that
+    contain dots are quoted."""
+    steps = [
+        f"[{key}]" if isinstance(key, int) else f".'{key}'" if "." in key else f".{key}"
+        for key in keys
+    ]
+    return "".join(steps).removeprefix(".")
+
+
+def existing(content: object, keys: Sequence[str | int]) -> Keys:
+    """Return the first of the given keys, up to the last one that exists in nested tables and
+    lists. Indices of lists are returned as integers."""
+    found: list[str | int] = []
+    for key in keys:
+        if isinstance(content, Mapping) and key in content:
+            content = content[key]
+        elif isinstance(content, list) and str(key).isdecimal() and int(key) < len(content):
+            key = int(key)
+            content = content[key]
+        else:
+            break
+        found.append(key)
+    return tuple(found)
+
+
 class Source:
-    """The text of a file, to find the line of a value for error messages.
+    """The text of a file, in which error messages find the line of a value.
 
-    - `changes`: changes by the command line, such as "joints.pin.clearance=2mm", by the keys of the
-      changed value.
+    - `changes`: changes that the command line makes, such as "joints.pin.clearance=2mm", by the
+      keys of the changed value.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; lines are only found in TOML.
+    **Arguments:** `suffix`: ".toml" or ".json"; lines are found in TOML only.
     """
 
     def __init__(self, text: str, suffix: str):
@@ -28,16 +82,17 @@ class Source:
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return a text that tells where the value at `keys` is set: ", line 12" of the statement
-        that sets it or the closest table, or " with --set …"; empty if unknown."""
+        """Return the text that a message adds to the path of the file for the value at `keys`.
+
+        This is ", line 12" for the statement that sets the value or the closest table around it,
+        " with --set …" for a value that the command line sets, and empty if neither is known.
+        """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
         if not self._is_toml or len(self._text) > LONGEST_SOURCE:
             return ""
-        whole = tomllib.loads(self._text)
-        while keys and not _has(whole, keys):
-            keys = keys[:-1]
+        keys = existing(tomllib.loads(self._text), keys)
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
@@ -46,7 +101,8 @@ class Source:
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
-            """Number of lines and tables of the longest valid TOML in the first `limit` lines."""
+            """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
+            alone, and their tables."""
             for count in range(limit, 0, -1):
                 try:
                     return count, tomllib.loads("\n".join(lines[:count]) + "\n")
@@ -56,22 +112,14 @@ class Source:
 
         # tomllib reports no positions. The statement ends where the beginning of the file, if
         # parsed alone, has the key for the first time.
-        counts = range(len(lines))
-        end = bisect_left(counts, True, key=lambda count: _has(valid_lines(count)[1], keys))
+        end = bisect_left(
+            range(len(lines)), True, key=lambda n: existing(valid_lines(n)[1], keys) == keys
+        )
         # A statement of several lines begins after the valid text before it.
         first = valid_lines(end - 1)[0]
         while not lines[first].strip() or lines[first].lstrip().startswith("#"):
             first += 1
         return first + 1
-
-
-def _has(tables: object, keys: Keys) -> bool:
-    for key in keys:
-        try:
-            tables = tables[key]  # pyright: ignore
-        except (KeyError, IndexError, TypeError):
-            return False
-    return True
 
 
 class FileLocation:
@@ -92,9 +140,8 @@ class FileLocation:
         return FileLocation(self.file, (*self.keys, *keys), self.source)
 
     def __str__(self) -> str:
-        path = "".join(map(_step, self.keys)).removeprefix(".")
         where = "" if self.source is None else self.source.where(self.keys)
-        return f"{self.file}{where}, `{path}`" if path else self.file
+        return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
         """Raise a `ValueError` that names this location, the value found there, what was expected,
@@ -111,8 +158,8 @@ class FileLocation:
 
 
 def _shown(value: object) -> str:
-    """Return the text of a value for a message; long tables and lists are cut between entries,
-    other values after `LONGEST` characters."""
+    """Return the text of a value for a message. Long lists are cut between entries, other values
+    after `LONGEST` characters; of a table only the keys are shown."""
     if isinstance(value, Mapping):
         return f"a table with {_shown(list(value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and value:
@@ -126,12 +173,6 @@ def _shown(value: object) -> str:
         return f"[{', '.join(texts)}]"
     text = repr(value)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
-
-
-def _step(key: str | int) -> str:
-    if isinstance(key, int):
-        return f"[{key}]"
-    return f".{key}" if key.replace("-", "_").isidentifier() else f".{key!r}"
 
 
 def listed(names: Iterable[str]) -> str:

@@ -6,9 +6,10 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
 from decimal import Decimal
+from typing import Annotated
 
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Float, PyTree
 
 from ..fields.checks import as_number
 from ..fields.suggestions import nearest
@@ -16,31 +17,38 @@ from ..measurements.units import to_si
 from ..model.orientations import rotation
 from .classes import (
     ANYTHING,
+    CHECKED,
     REQUIRED,
     Classes,
     Expectation,
+    Maker,
     arguments,
-    constructor,
     family_names,
-    find_kind,
+    find_maker,
     is_abstract,
 )
-from .locations import FileLocation, listed
+from .locations import FileLocation, existing, listed, split
 
 KIND = "kind"
 """The key under which a table names its class."""
 EULER_PARAMETERS = (4,)
-"""The shape of an orientation."""
-ROTATION = {
-    "axis": Expectation(unit="1", shapes=((3,),)),
-    "angle": Expectation(unit="rad", shapes=((),)),
-}
-"""Entries of a table that may replace Euler parameters."""
+"""Shape of an orientation."""
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
+"""A number and the unit behind it, which may be empty."""
 LONGEST = 200
-"""Longest text, in characters, that is read as a number with a unit."""
+"""Largest number of characters of a text that is read as a number with a unit."""
+
+
+def axis_and_angle(
+    axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
+) -> tuple:
+    """Return the Euler parameters, four numbers, of a rotation by `angle`, rad, about `axis`, (3,).
+
+    In a file, a table with these two arguments may replace Euler parameters.
+    """
+    return tuple(rotation(axis, angle).tolist())
 
 
 @dataclass(frozen=True)
@@ -53,8 +61,12 @@ class Reader:
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Return the Python value of the content of a file at a location: an object, a tuple, a
-        dictionary, a number or a text.
+        """Return the Python value of a value in a file.
+
+        **Arguments:** `content`: the value as parsed, a number, text, list or table; `expected`:
+        values that are allowed; `location`: location of the value.
+
+        **Returns:** an object, a tuple, a dictionary, an array, a number or a text.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
@@ -94,56 +106,40 @@ class Reader:
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
-                kind, factory = find_kind(content[KIND], families, self.classes, location.at(KIND))
-                return self.instance(kind, content, location, factory=factory)
+                make = find_maker(content[KIND], families, self.classes, location.at(KIND))
+                return self.instance(make, content, location)
             if len(families) == 1 and not is_abstract(families[0]):
                 return self.instance(families[0], content, location)
             if families:
                 remedy = f"add it: a subclass of {family_names(families)}"
                 location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
             if EULER_PARAMETERS in expected.shapes:
-                return self._rotation(content, location)
+                return self.instance(axis_and_angle, content, location)
             if not expected.is_anything:
                 simple = "a text" if expected.is_text else "a number"
                 location.refuse(dict(content), simple, "replace the table by one")
         inner = expected.by_name or ANYTHING
         return {key: self.value(item, inner, location.at(key)) for key, item in content.items()}
 
-    def _rotation(self, content: Mapping, location: FileLocation) -> object:
-        """Return the Euler parameters, four numbers, of a table with `axis` and `angle`."""
-        given = {}
-        for name, expected in ROTATION.items():
-            if name not in content:
-                remedy = f"add {name} ({expected.unit})"
-                location.refuse(dict(content), " and ".join(ROTATION), remedy)
-            given[name] = self.value(content[name], expected, location.at(name))
-        for name in set(content) - set(ROTATION):
-            expected = f"only {' and '.join(ROTATION)}"
-            location.at(name).refuse(content[name], expected, "leave it out")
-        with location.in_errors():
-            return tuple(rotation(**given).tolist())
-
     def instance(
         self,
-        kind: type,
+        make: Maker,
         content: Mapping,
         location: FileLocation,
         other_keys: tuple[str, ...] = (),
-        factory: str = "",
     ) -> PyTree:
-        """Make an object of a class from the table of its constructor's arguments.
+        """Make an object from a table with the arguments of its class or static method.
 
         **Arguments:**
 
-        - `kind`: the class.
-        - `content`: arguments by name, as read from the file.
+        - `make`: the class, or a static method that returns an object of its class.
+        - `content`: arguments by name, as parsed.
         - `location`: location of the table.
-        - `other_keys`: keys that the table of the file has had besides `content`, for messages.
-        - `factory`: name of a static method to call instead of the constructor.
+        - `other_keys`: further keys that the table in the file may have, for messages.
 
         **Raises:** `ValueError` for unknown and missing arguments, and for wrong values.
         """
-        known = arguments(kind, factory)
+        known = arguments(make)
         given = {}
         for name, item in content.items():
             if name == KIND:
@@ -165,11 +161,14 @@ class Reader:
         ]
         if missing:
             names = ", ".join(missing)
-            raise ValueError(f"{location}: a {kind.__name__} also needs {names}: add them.")
+            raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
-            made = constructor(kind, factory)(**given)
+            made = CHECKED.get(make, make)(**given)
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{_argument_location(error, content, location)}: {error}") from error
+            # The message names an argument as "Argument `joints['pin'].first` must be ...".
+            named = re.match(r"Argument `([^`]+)`", str(error))
+            keys = existing(content, split(named[1] if named else ""))
+            raise ValueError(f"{location.at(*keys)}: {error}") from error
         # Not every constructor checks the classes of its arguments.
         for name, item in given.items():
             families, stored = known[name].classes, getattr(made, name, None)
@@ -185,39 +184,27 @@ def _is_plain(item: object) -> bool:
     return type(item) in (int, float) and abs(item) <= sys.float_info.max  # pyright: ignore
 
 
-def _argument_location(error: Exception, content: object, location: FileLocation) -> FileLocation:
-    """Return the location of the argument that the message of a constructor's error names.
-
-    This is `joints.pin.first` for "Argument `joints['pin'].first` must be ...", or the closest
-    table around it that the file has.
-    """
-    named = re.match(r"Argument `([^`]+)`", str(error))
-    for quoted, bare in re.findall(r"\['([^']*)'\]|(\w+)", named[1] if named else ""):
-        if not isinstance(content, Mapping) or (quoted or bare) not in content:
-            break
-        content, location = content[quoted or bare], location.at(quoted or bare)
-    return location
-
-
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return the member of an enumeration, the text, the number or the None for which a text
-    stands."""
-    if expected.options is not None:
-        names = list(expected.options.__members__)
-        if content not in names:
-            remedy = nearest(content, names, "write one of these")
-            location.refuse(content, f"one of {listed(names)}", remedy)
-        return expected.options[content]
+    """Return the value of a text: an expected option, the text itself, a number or None."""
+    options = expected.options or {}
+    if content in options:
+        return options[content]
+    if options and not (expected.is_text or content == ABSENT):
+        remedy = nearest(content, options, "write one of these")
+        location.refuse(content, f"one of {listed(options)}", remedy)
     if expected.is_text:
         return content
     return None if content == ABSENT else number_of_text(content, expected.unit, location)
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number of a text such as "0.3 mm" in an SI unit. It is rounded once: "0.3 mm" is
-    exactly the float 3e-4.
+    """Return the number of a text such as "0.3 mm" in an SI unit.
 
-    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: for messages.
+    The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
+    float as 3e-4.
+
+    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: location of the
+    text, for messages.
 
     **Raises:** `ValueError` for a text without a number, for a unit of another dimension than
     `unit`, and for a unit where none is declared.

@@ -9,27 +9,27 @@ from .classes import (
     REQUIRED,
     Classes,
     Expectation,
+    Maker,
     arguments,
-    constructor,
     is_abstract,
-    known_kinds,
+    makers,
     require_classes,
 )
 from .formats import SCHEMA
-from .reading import EULER_PARAMETERS, KIND, ROTATION
+from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER: Schema = {"type": ["number", "string"]}
 ROWS = "numbers"
-"""Name, in the schema, of the definition of a number or of nested lists of numbers."""
+"""Name of the definition, in the schema, of a number or of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
     """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
 
-    Editors use it to complete and check TOML and JSON: `save(..., schema=True)` writes it to the
-    folder of the scene file, which then refers to it.
+    With it, editors complete and check TOML and JSON files. `save(..., schema=True)` writes the
+    schema to the folder of a scene file, and a reference to it into the scene file.
 
     **Arguments:** `classes`: user-defined classes that files may name.
 
@@ -55,10 +55,11 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Schemas of classes; the schema of a class is added when another one first refers to it.
+    """Collects the schemas of all classes to which the schema of a file refers.
 
     - `classes`: user-defined classes that files may name, besides those of the package.
-    - `definitions`: schemas by the name of the class in files.
+    - `definitions`: schemas by the name of the class in files. The schema of a class is added when
+      another schema first refers to it.
     """
 
     classes: Classes
@@ -67,25 +68,27 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """Return the whole schema of a file; `properties` are the schemas of its top-level keys,
-        `required` the keys that it must have."""
+        """Return the whole schema of a file.
+
+        **Arguments:** `properties`: schemas of the top-level keys of the file; `required`: keys
+        that the file must have.
+        """
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
-    def properties(self, kind: type, factory: str = "") -> Schema:
-        """Return the schemas of the arguments of a class's constructor, or of its static method
-        named `factory`, by name."""
+    def properties(self, make: Maker) -> Schema:
+        """Return the schemas of the arguments of a class or of a static method, by name."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
-            for name, expected in arguments(kind, factory).items()
+            for name, expected in arguments(make).items()
         }
 
     def _value(self, expected: Expectation) -> Schema:
         if expected.is_anything:
             return {}
         if expected.options is not None:
-            return {"enum": list(expected.options.__members__)}
+            return {"enum": list(expected.options)}
         if expected.by_name is not None:
             return {"type": "object", "additionalProperties": self._value(expected.by_name)}
         if expected.item is not None:
@@ -94,30 +97,29 @@ class Catalogue:
         if expected.classes:
             return {"anyOf": [*self._references(expected.classes), NUMBER]}
         if expected.is_text:
-            return {"type": "string"}
+            return NUMBER if expected.shapes else {"type": "string"}
         return _numbers(expected.shapes)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        implied = len(families) == 1 and not is_abstract(families[0])
-        names: dict[tuple[type, str], list[str]] = {}
-        for name, maker in known_kinds(families, self.classes).items():
-            names.setdefault(maker, []).append(name)
-        for (kind, factory), known in names.items():
+        """Return references to the definitions of all classes and static methods whose objects
+        have one of the given base classes. Definitions that are missing are added."""
+        implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
+        names: dict[Maker, list[str]] = {}
+        for name, make in makers(families, self.classes).items():
+            names.setdefault(make, []).append(name)
+        for make, known in names.items():
             if known[-1] not in self.definitions:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
-                properties = {KIND: {"enum": sorted(known)}} | self.properties(kind, factory)
-                needed = [] if implied and not factory else [KIND]
-                for name, expected in arguments(kind, factory).items():
+                properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
+                needed = [] if make is implied else [KIND]
+                for name, expected in arguments(make).items():
                     # The unit of a reduction may be omitted: it is that of its quantity.
                     is_implied = name == "unit" and "quantity" in properties
                     if expected.default is REQUIRED and not is_implied:
                         needed.append(name)
-                documented = constructor(kind, factory) if factory else kind
-                summary = (documented.__doc__ or "").strip().split("\n")[0]
-                self.definitions[known[-1]] = {
-                    **_table(properties, needed),
-                    "description": summary,
-                }
+                summary = (make.__doc__ or "").strip().split("\n")[0]
+                definition = _table(properties, needed) | {"description": summary}
+                self.definitions[known[-1]] = definition
         return [_reference(known[-1]) for known in names.values()]
 
 
@@ -140,8 +142,8 @@ def _reference(name: str) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Return the schema of numbers, or texts with units, in one of the given shapes; in any shape
-    if `shapes` is empty."""
+    """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes;
+    of any shape if `shapes` is empty."""
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
     schemas = []
@@ -151,6 +153,7 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
             schema = _list_of(schema, size)
         schemas.append(schema)
         if shape == EULER_PARAMETERS:
-            entries: Schema = {name: _numbers(entry.shapes) for name, entry in ROTATION.items()}
-            schemas.append(_table(entries, list(entries)))
+            entries = arguments(axis_and_angle)
+            properties: Schema = {name: _numbers(entry.shapes) for name, entry in entries.items()}
+            schemas.append(_table(properties, list(properties)))
     return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}

@@ -1,43 +1,44 @@
-"""Load robots from URDF files, with play in given joints. yourdfpy parses the files."""
+"""Load robots from URDF files, with play in given joints. yourdfpy parses the files.
+
+A link of URDF has a frame, and a joint of URDF gives the frame of its child link relative to the
+frame of its parent link. The frame of a body is parallel to the frame of its link, and its origin
+is the centre of mass.
+"""
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
+from jaxtyping import PyTree
 
 from ..fields.cautions import NotCarriedOverWarning, caution
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
-from ..model.bodies import GROUND, State, body_state
+from ..model.bodies import GROUND, Body, State, body_state
+from ..model.clearance_joints.axial import FixedAxially
 from ..model.clearance_joints.backlash import Backlash
 from ..model.clearance_joints.clearance import ClearanceJoint
-from ..model.joints.ideal import RevoluteJoint
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
 from ..model.scene import Scene
 from .classes import Expectation, arguments
 from .files import FilePath
 from .locations import FileLocation, listed
 from .reading import Reader
-from .urdf_parts import (
-    HINGES,
-    Frame,
-    Play,
-    body_of,
-    child_frame,
-    euler_parameters,
-    is_massless,
-    joint_of,
-)
 
 if TYPE_CHECKING:
     import yourdfpy
 
+Play: TypeAlias = Mapping[str, PyTree]
+"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name, as the user passes them."""
 OF_JOINTS = {
     "limit": "limits",
     "dynamics": "damping and friction",
@@ -45,13 +46,13 @@ OF_JOINTS = {
     "calibration": "calibrations",
     "safety_controller": "safety controllers",
 }
-READ = {"link", "joint", "material"}
-"""Tags that need no warning: materials belong to the visual shapes."""
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
-
-
+"""Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
+READ = {"link", "joint", "material"}
+"""Tags of elements that need no warning. Materials belong to the visual shapes."""
+HINGES = "revolute", "continuous"
 BACKLASH = "backlash"
-"""Name of the argument for the angle of a backlash, rad; `Backlash` itself calls it `play`."""
+"""Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
 WIND_UP = 0.1
 """Deflection of a flank under the joint's effort limit as a fraction of the backlash, if no
 stiffness is given."""
@@ -60,6 +61,10 @@ GIVEN_BY_THE_FILE = {
     *("journal_body", "journal_point", "journal_axis"),
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
+"""Arguments of `ClearanceJoint` and `Backlash` that `play` may not contain."""
+DIGITS = 15
+"""Number of decimals to which rotation matrices are rounded. Rounding restores the exact zeros of a
+quarter turn, which make the compiled program smaller."""
 LARGEST_FILE = 50_000_000
 """Largest size of a URDF file, bytes."""
 
@@ -95,13 +100,11 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
     **Raises:** `ValueError` and `ImportError` as `load_urdf`.
     """
     robot, _ = _robot(Path(path))
-    return {joint.name: _limits(joint) for joint in robot.joints if joint.limit is not None}
+    return {joint.name: _limits(joint.limit) for joint in robot.joints if joint.limit is not None}
 
 
-def _limits(joint: "yourdfpy.Joint") -> JointLimits:
-    names = ("lower", "upper", "effort", "velocity")
-    found = {name: getattr(joint.limit, name, None) for name in names}
-    return JointLimits(**{name: float(x) for name, x in found.items() if x is not None})
+def _limits(limit: "yourdfpy.Limit") -> JointLimits:
+    return JointLimits(**{name: float(x) for name, x in vars(limit).items() if x is not None})
 
 
 def load_urdf(
@@ -158,25 +161,23 @@ def load_urdf(
     hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
     play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
     frames = _frames(robot, location)
-    # Links without mass belong to the body of their parent, and the root link to the ground: only
-    # the other links are bodies, with the link's name.
     children = {joint.child for joint in robot.joints}  # the root may be named "ground"
     bodies = {
-        link.name: body_of(link, location.at(link.name))
+        link.name: _body(link, location.at(link.name))
         for link in robot.links
         if frames[link.name].body == link.name and link.name in children
     }
     joints = {}
     for joint in robot.joints:
-        given = play.get(joint.name)
+        given, joint_location = play.get(joint.name), location.at(joint.name)
         has_backlash = given is not None and BACKLASH in given
         # A clearance replaces the ideal joint, a backlash is added to it.
         clearance = None if has_backlash else given
-        scene_joint = joint_of(joint, frames, clearance, location.at(joint.name))
+        scene_joint = _joint(joint, frames, clearance, joint_location)
         if scene_joint is not None:  # floating joints and joints within a body have none
             joints[joint.name] = scene_joint
         if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
-            backlash = _backlash(joint, scene_joint, given, location.at(joint.name))
+            backlash = _backlash(joint, scene_joint, given, joint_location)
             joints[f"{joint.name} {BACKLASH}"] = backlash
     omitted = _not_carried_over(robot, frames, tags)
     if omitted:
@@ -185,15 +186,15 @@ def load_urdf(
     for name in bodies:
         # A pose is that of the link's frame. A body's frame is parallel to it and lies in the
         # centre of mass, from which `origin` leads to the origin of the link's frame.
-        link_rotation, link_origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
-        centre = link_origin - link_rotation @ frames[name].origin
-        state[name] = body_state(centre, euler_parameters(link_rotation))
+        rotation, origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
+        centre = origin - rotation @ frames[name].origin
+        state[name] = body_state(centre, _euler_parameters(rotation))
     with location.in_errors():
         return Scene(bodies, joints, gravity=gravity), State(state)
 
 
 def _not_carried_over(
-    robot: "yourdfpy.Robot", frames: Mapping[str, Frame], tags: Iterable[str]
+    robot: "yourdfpy.Robot", frames: Mapping[str, "Frame"], tags: Iterable[str]
 ) -> str:
     """Return a text that lists the contents of the file that the scene lacks, which may be empty.
 
@@ -204,11 +205,8 @@ def _not_carried_over(
         for elements, titles in ((robot.joints, OF_JOINTS), (robot.links, OF_LINKS))
         for attribute, title in titles.items()
     }
-    omitted["inertia of the root"] = [
-        link.name
-        for link in robot.links
-        if frames[link.name].body == GROUND and not is_massless(link)
-    ]
+    roots = [link for link in robot.links if frames[link.name].body == GROUND]
+    omitted["inertia of the root"] = [link.name for link in roots if not _is_massless(link)]
     named = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     return "; ".join([*named, *(f"<{tag}>" for tag in sorted(set(tags) - READ))])
 
@@ -267,13 +265,30 @@ def _backlash(
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
-        effort = math.inf if joint.limit is None else _limits(joint).effort
+        effort = math.inf if joint.limit is None else _limits(joint.limit).effort
         if not 0.0 < effort < math.inf:
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
         options["torsional_stiffness"] = effort / (WIND_UP * float(given[BACKLASH]))
     with location.in_errors():
         return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
+
+
+class Frame(NamedTuple):
+    """The frame of a link, relative to its body and to the ground.
+
+    - `body`: name of the body to which the link belongs. A link without mass belongs to the body of
+      its parent, the root link to the ground; every other link is a body of the same name.
+    - `origin`: (3,) m in body axes, from the body's centre of mass to the origin of the frame.
+    - `rotation`: (3, 3), rotation matrix from the link's to the body's axes.
+    - `pose`: (4, 4), homogeneous matrix from the link's to global axes, m, if all joints are at
+      zero.
+    """
+
+    body: str
+    origin: np.ndarray
+    rotation: np.ndarray
+    pose: np.ndarray
 
 
 def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
@@ -288,21 +303,110 @@ def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]
         if repeated:
             location.refuse(repeated[0], f"the name of one {kind} only", "rename the others")
     links = {link.name: link for link in robot.links}
-    carried = {joint.child for joint in robot.joints}
-    roots = [name for name in links if name not in carried]
+    joints = {joint.child: joint for joint in robot.joints}
+    roots = [name for name in links if name not in joints]
     if len(roots) != 1:
         location.refuse(roots, "one root link that is no joint's child", "join the others to it")
+    wrong = [j.name for j in robot.joints if not {j.parent, j.child} <= links.keys()]
+    wrong += [joint.name for joint in robot.joints if joints[joint.child] is not joint]
+    if wrong:
+        location.refuse(wrong, "joints of a tree between known links", "correct their links")
     frames = {roots[0]: Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))}
-    waiting = list(robot.joints)
-    while waiting:
-        joint = next((one for one in waiting if one.parent in frames), waiting[0])
-        if joint.parent not in frames or joint.child not in links or joint.child in frames:
-            names = [one.name for one in waiting]
-            location.refuse(names, "joints of a tree between known links", "correct their links")
-        waiting.remove(joint)
-        link = links[joint.child]
-        if is_massless(link) and joint.type != "fixed":
+    parents = {child: [joint.parent] for child, joint in joints.items()}
+    with location.in_errors():
+        parents_first = [*TopologicalSorter(parents).static_order()]
+    for name in parents_first:
+        if name in frames:
+            continue
+        joint, link = joints[name], links[name]
+        parent, moved = frames[joint.parent], _transform(joint.origin)
+        pose = parent.pose @ moved
+        if not _is_massless(link):
+            centre = _transform(link.inertial.origin)[:3, 3]  # pyright: ignore
+            frames[name] = Frame(name, -centre, np.eye(3), pose)
+            continue
+        if joint.type != "fixed":
             remedy = "give it an <inertial>, or fix it to its parent"
-            location.at(link.name).refuse("no mass", "the mass of a moving link", remedy)
-        frames[link.name] = child_frame(joint, frames[joint.parent], link)
+            location.at(name).refuse("no mass", "the mass of a moving link", remedy)
+        origin = parent.origin + parent.rotation @ moved[:3, 3]
+        frames[name] = Frame(parent.body, origin, parent.rotation @ moved[:3, :3], pose)
     return frames
+
+
+def _is_massless(link: "yourdfpy.Link") -> bool:
+    return link.inertial is None or not link.inertial.mass
+
+
+def _body(link: "yourdfpy.Link", location: FileLocation) -> Body:
+    """Return the body for a link with mass; body axes are parallel to the link's frame.
+
+    **Raises:** `ValueError` for a missing or invalid inertia.
+    """
+    inertial = link.inertial
+    assert inertial is not None
+    if inertial.inertia is None:
+        location.refuse(None, "an <inertia>", "give the moments of inertia in kg m^2")
+    rotation = _transform(inertial.origin)[:3, :3]
+    tensor = rotation @ inertial.inertia @ rotation.T
+    is_principal = not np.any(tensor - np.diag(tensor.diagonal()))
+    with location.in_errors():
+        return Body(inertial.mass, tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T))
+
+
+def _joint(
+    joint: "yourdfpy.Joint", frames: Mapping[str, Frame], play: Play | None, location: FileLocation
+) -> AbstractConstraint | AbstractContactJoint | None:
+    """Return the joint of the scene for a joint of URDF.
+
+    **Arguments:** `frames`: frames of the links by name; `play`: arguments of a `ClearanceJoint`
+    that replaces the joint, None for an ideal joint.
+
+    **Returns:** the joint; ``None`` for a floating joint, and if both links belong to one body.
+
+    **Raises:** `ValueError` for a type without counterpart, and for invalid numbers.
+    """
+    parent, child = frames[joint.parent], frames[joint.child]
+    if parent.body == child.body or joint.type == "floating":
+        return None
+    frame = _transform(joint.origin)
+    rotation = parent.rotation @ frame[:3, :3]
+    points = parent.origin + parent.rotation @ frame[:3, 3], child.origin
+    bodies = parent.body, child.body
+    axis = np.asarray(joint.axis, dtype=float)
+    numbers = np.array([*np.ravel(frame), *np.ravel(axis)])
+    if axis.shape != (3,) or not np.isfinite(numbers).all():
+        wrong = numbers[~np.isfinite(numbers)].tolist()
+        remedy = "correct the <origin> and the <axis>"
+        location.refuse(wrong, "finite origin and axis (3,)", remedy)
+    with location.in_errors():
+        if play is not None:
+            return ClearanceJoint(
+                *bodies,
+                bearing_point=points[0],
+                journal_point=points[1],
+                bearing_axis=rotation @ axis,
+                journal_axis=axis,
+                **{"axial": FixedAxially(), **play},
+            )
+        if joint.type in HINGES:
+            return RevoluteJoint(*bodies, *points, rotation @ axis, axis)
+        if joint.type == "prismatic":
+            return PrismaticJoint(*bodies, *points, rotation @ axis, _euler_parameters(rotation))
+        if joint.type == "fixed":
+            return FixedJoint(*bodies, *points, _euler_parameters(rotation))
+    kinds = listed([*HINGES, "prismatic", "fixed", "floating"])
+    return location.refuse(joint.type, f"one of the types {kinds}", "add the joint to the scene")
+
+
+def _transform(origin: np.ndarray | None) -> np.ndarray:
+    """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
+    matrix = np.eye(4) if origin is None else np.array(origin, dtype=float)
+    matrix[:3, :3] = np.round(matrix[:3, :3], DIGITS)
+    return matrix
+
+
+def _euler_parameters(rotation: np.ndarray) -> np.ndarray:
+    """Return the Euler parameters (4,), scalar first, of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)

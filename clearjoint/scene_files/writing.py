@@ -17,21 +17,21 @@ from .reading import ABSENT, KIND
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts objects to tables.
+    """Converts a scene, a state and the objects in them to tables.
 
     - `units`: units of the converted numbers, by the keys that lead to them.
-    - `user_classes`: user-defined classes of the converted objects.
+    - `user_classes`: user-defined classes among those of the converted objects.
     """
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the table of the arguments with which the constructor makes the object again;
-        defaults that are None or empty are left out.
+        """Return the table of an object: the arguments with which its constructor makes the object
+        again. Arguments whose default and value are None or empty are left out.
 
-        **Raises:** `ValueError` for arguments that the object does not store, and for values that a
-        file can't hold.
+        **Raises:** `ValueError` for arguments that the object does not store in a field of the same
+        name, and for values that a file can't hold.
         """
         kind = type(instance)
         if not is_from_package(kind):
@@ -55,7 +55,7 @@ class Writer:
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
-        """Return a value as number, text, list or table, and note its unit."""
+        """Return a value as a number, text, list or table, and add its unit to `units`."""
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         if expected.unit is not None:

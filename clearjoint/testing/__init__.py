@@ -1,6 +1,7 @@
-"""Checks of user-defined laws and elements, for their authors.
+"""Checks of user-defined laws and elements, for the tests of their authors.
 
-`native_seconds` measures the time to make native programs.
+Each `check_...` function raises an `AssertionError` that states the first problem. `moving` makes
+motions of bodies for these checks. `native_seconds` measures the time to make native programs.
 """
 
 from ..fields.readable import without_modules as _without_modules

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -13,14 +13,16 @@ from jax.flatten_util import ravel_pytree
 from ..dynamics.contact_forces import LoadedContact, contact_force
 from ..math.vectors import ZERO, Condition, Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, Motion
-from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
+from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
 from .conformance import ensure
 
 TOLERANCE = 1e-9
-"""Largest accepted error of exact relations, relative to one plus the size of their terms."""
-STEP, TOLERANCE_OF_DIFFERENCES = 1e-6, 1e-5
-"""Step of finite differences relative to the changed number, and largest accepted relative error of
-derivatives."""
+"""Largest accepted error of a relation that holds exactly, relative to one plus the size of its
+terms."""
+STEP = 1e-6
+"""Step of finite differences, relative to the number that is changed."""
+TOLERANCE_OF_DIFFERENCES = 1e-5
+"""Largest accepted relative error of derivatives that are compared with finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Penetration, m, and entry speed, m/s, of a tested contact."""
 
@@ -28,19 +30,6 @@ Rows: TypeAlias = dict[str, jax.Array]
 """Array of numbers of each contact, by the contact's label."""
 Contacts: TypeAlias = dict[str, tuple[LoadedContact, Scalar]]
 """Contact with its forces, and its stored energy in J, by the contact's label."""
-
-
-class _Evaluation(NamedTuple):
-    """Result at one point, a vector of the joint's parameters and the motions.
-
-    - `failures`: for each contact, whether a condition fails, by message.
-    - `rows`: numbers of each contact, see `_rows`.
-    - `slopes`: derivatives of `rows` along a change of the point.
-    """
-
-    failures: ByLabel[Condition]
-    rows: Rows
-    slopes: Rows
 
 
 def check_contact_joint(
@@ -84,7 +73,8 @@ def check_contact_joint(
     motions = {GROUND: GROUND_MOTION, **motions}
     motions = {name: motions[name] for name in joint.body_names()}
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
-    _check_names(joint, motions)
+    laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
+    ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
     numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
     given, restored = ravel_pytree((numbers, motions))
 
@@ -94,12 +84,14 @@ def check_contact_joint(
 
     @jax.jit
     @jax.vmap
-    def evaluate(point: jax.Array, change: jax.Array) -> _Evaluation:
+    def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
+        """Return failed conditions, numbers of the contacts, and derivatives of these numbers along
+        a change of the point."""
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
         failures = _failures(*joint_and_motions(point), contacts, rates)
-        return _Evaluation(failures, _rows(contacts), _rows(rates))
+        return failures, _rows(contacts), _rows(rates)
 
     # A point is a vector of all parameters and motions. All evaluations share one compiled call:
     # derivatives along the motion, along all numbers at once, and along each parameter with the
@@ -117,23 +109,27 @@ def check_contact_joint(
         (ahead, by_number),
         (behind, by_number),
     )
-    results = evaluate(*(jnp.concatenate(parts) for parts in zip(*requests, strict=True)))
+    joined = (jnp.concatenate(parts) for parts in zip(*requests, strict=True))
+    failures, all_rows, all_slopes = evaluate(*joined)
     ends = np.cumsum([len(part) for part, _ in requests])[:-1]
     for label, single in _rows(_contacts(joint, motions)).items():
-        for message, failed in results.failures[label].items():
+        for message, failed in failures[label].items():
             _require(not failed[: len(positions)].any(), label, message)
-        same = jnp.allclose(single, results.rows[label][0], rtol=TOLERANCE, atol=1e-12)
+        same = jnp.allclose(single, all_rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from a single evaluation")
-        rows, slopes = (jnp.split(of[label], ends) for of in (results.rows, results.slopes))
+        rows, slopes = jnp.split(all_rows[label], ends), jnp.split(all_slopes[label], ends)
         _check_slopes(label, numbers, rows, slopes)
 
 
 def _check_slopes(
     label: str, numbers: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
 ) -> None:
-    """Check that derivatives are finite, and agree with differences for each parameter.
+    """Check that the derivatives of a contact's numbers are finite, and that the derivative of its
+    penetration by each parameter of the joint agrees with finite differences.
 
-    `rows` and `slopes` are in the order of the requests.
+    **Arguments:** `label`: label of the contact; `numbers`: the joint with its parameters as
+    arrays; `rows`, `slopes`: for each request of `check_contact_joint`, the numbers of `_rows` and
+    their derivatives.
     """
     _, everything, exact, _, _ = slopes
     finite = jnp.isfinite(everything).all()
@@ -152,15 +148,13 @@ def _require(condition: Condition, label: str, message: str) -> None:
     ensure(condition, f"Contact {label!r}: {message}.")
 
 
-def _check_names(joint: AbstractContactJoint, motions: Motions) -> None:
-    laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
-    ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
-
-
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """Return the motions at which the joint is tested: the given ones, those with the second body
-    shifted to the onset of each contact, 1 µm deeper, and to coincident attachment points if
-    `together`, and all of these again at rest."""
+    """Return the motions of the bodies at which the joint is tested.
+
+    These are the given motions; motions in which the second body is shifted to the onset of each
+    contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and all of
+    these with bodies at rest.
+    """
     moving, scalar = [motions], unpack(joint)
     for contact in scalar.contacts(motions).values():
         for depth in (0.0, PENETRATION):
@@ -178,8 +172,8 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:
-    """Return the motions with the second body shifted relative to the first by `shift`, m in
-    global axes; if the second body is the ground, the first one is shifted back instead."""
+    """Return the motions with the joint's second body shifted by `shift`, m in global axes. If the
+    second body is the ground, the first body is shifted in the opposite direction."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
     moved = replace(motions[name], position=motions[name].position + shift)
@@ -187,7 +181,7 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """Return the contacts with forces and energies of a joint whose numbers are arrays."""
+    """Return the contacts of a joint with their forces and energies, all as arrays."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
@@ -203,66 +197,55 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Return for each contact whether each condition fails, by the condition's message.
+    """Return whether each condition of `check_contact_joint` fails, by contact and by the message
+    for the failure.
 
-    **Arguments:** `rates`: time derivatives of `contacts`.
+    **Arguments:** `contacts`: from `_contacts`; `rates`: time derivatives of all numbers in it.
     """
     first, second = (motions[name] for name in joint.pair())
-    has_bristles, failures = joint.bristle_laws(), {}
+    failures = {}
     for label, (loaded, _) in contacts.items():
-        rate, power = rates[label]
-        failures[label] = _gap_failures(loaded, rate.contact.gap.depth, power)
-        failures[label] |= _force_failures(loaded, first, second)
-        if loaded.friction is not None and loaded.contact.slip is not None:
-            failures[label] |= _slip_failures(loaded.contact, loaded.contact.slip, first, second)
-            if label not in has_bristles:
-                power = loaded.friction.dot(loaded.contact.slip)
-                driven = power > TOLERANCE * loaded.normal_force
-                failures[label]["friction drives the slip"] = driven
+        contact, gap, normal = loaded.contact, loaded.contact.gap, loaded.contact.normal
+        rate, power = rates[label][0].contact.gap.depth, rates[label][1]
+        size = normal.dot(normal)
+        flies_centred = (size == 0.0) & (gap.depth < 0.0)
+        failed = {
+            "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
+            "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
+            "the rate of its stored energy is not the power of the elastic force": _differ(
+                power, loaded.elastic_force * gap.rate
+            ),
+        }
+        if contact.turning is None:
+            failed |= _force_failures(loaded, first, second)
+        else:
+            on_first, on_second = contact.turning
+            left = first.direction(on_first) + second.direction(on_second)
+            power = on_first.dot(first.spin) + on_second.dot(second.spin)
+            failed |= {
+                "the couples on both bodies are not equal and opposite": _is_nonzero(left),
+                "the power of the couples does not agree with the rate of the penetration": (
+                    _differ(power, gap.rate)
+                ),
+            }
+        if loaded.friction is not None and contact.slip is not None:
+            across = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
+            sliding = across - normal * across.dot(normal)
+            message = "its slip is not the tangential velocity of the surfaces"
+            failed[message] = _is_nonzero(contact.slip - sliding)
+            if label not in joint.bristle_laws():
+                driven = loaded.friction.dot(contact.slip) > TOLERANCE * loaded.normal_force
+                failed["friction drives the slip"] = driven
+        failures[label] = failed
     return failures
 
 
-def _gap_failures(loaded: LoadedContact, rate: Scalar, power: Scalar) -> Rows:
-    """Return failures of the normal, of the penetration rate and of the stored energy of a contact.
-
-    **Arguments:** `rate`: time derivative of the penetration, m/s; `power`: of the stored energy,
-    W.
-    """
-    gap, normal = loaded.contact.gap, loaded.contact.normal
-    size = normal.dot(normal)
-    flies_centred = (size == 0.0) & (gap.depth < 0.0)
-    return {
-        "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
-        "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
-        "the rate of its stored energy is not the power of the elastic force": _differ(
-            power, loaded.elastic_force * gap.rate
-        ),
-    }
-
-
-def _couple_failures(
-    contact: Contact, turning: tuple[Vector, Vector], first: Motion, second: Motion
-) -> Rows:
-    on_first, on_second = turning
-    power = on_first.dot(first.spin) + on_second.dot(second.spin)
-    return {
-        "the couples on both bodies are not equal and opposite": (
-            _is_nonzero(first.direction(on_first) + second.direction(on_second))
-        ),
-        "the power of the couples does not agree with the rate of the penetration": (
-            _differ(power, contact.gap.rate)
-        ),
-    }
-
-
 def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
-    contact, friction = loaded.contact, loaded.friction
-    if contact.turning is not None:
-        return _couple_failures(contact, contact.turning, first, second)
+    """Return the failures of the normal force and of friction of a contact without couples."""
+    contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     on_first, on_second = contact.points_of_force(friction is not None)
     apart = second.point(on_second) - first.point(on_first)
     velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
-    force = loaded.normal_force
     failures = {
         "the forces on both bodies leave a moment: they do not act on one line": (
             _is_nonzero(apart.cross(contact.normal))
@@ -271,28 +254,23 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Row
             _differ(velocity.dot(contact.normal), contact.gap.rate)
         ),
     }
-    if friction is None:
-        return failures
-    return failures | {
-        "friction on both bodies leaves a moment: it does not act at one point": (
-            _is_nonzero(apart.cross(friction), force)
-        ),
-        "friction has a component along the normal": (
-            _differ(friction.dot(contact.normal), 0.0, TOLERANCE * (1.0 + force))
-        ),
-    }
-
-
-def _slip_failures(contact: Contact, slip: Vector, first: Motion, second: Motion) -> Rows:
-    velocity = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
-    sliding = velocity - contact.normal * velocity.dot(contact.normal)
-    return {"its slip is not the tangential velocity of the surfaces": _is_nonzero(slip - sliding)}
+    if friction is not None:
+        failures |= {
+            "friction on both bodies leaves a moment: it does not act at one point": (
+                _is_nonzero(apart.cross(friction), force)
+            ),
+            "friction has a component along the normal": (
+                _differ(friction.dot(contact.normal), 0.0, TOLERANCE * (1.0 + force))
+            ),
+        }
+    return failures
 
 
 def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a change of each parameter of the joint, of its magnitude, as rows like `point`.
+    """Return one row for each parameter of the joint, (p, n), in which this parameter changes by
+    its magnitude and all other elements of `point`, (n,), are zero.
 
-    The parameters are the first elements of a point.
+    The parameters are the first p elements of a point.
     """
     leaves = jax.tree.leaves(numbers)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
@@ -301,8 +279,11 @@ def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Return an array (15,) for each contact: penetration, m; normal force and elastic force, N;
-    friction, N; normal; and arms of the contact on the first and the second body, m."""
+    """Return an array (15,) for each contact, by label.
+
+    Its elements are the penetration, m; normal force and elastic force, N; and the components of
+    friction, N, of the normal, and of the arms of the contact on both bodies, m.
+    """
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
@@ -316,27 +297,25 @@ def _rows(contacts: Contacts) -> Rows:
 
 def _velocities(motions: Motions) -> Motions:
     """Return the time derivatives of the motions at constant velocities and spins."""
-    return {
-        name: Motion(motion.velocity, _rates(motion), motion.velocity * 0.0, motion.spin * 0.0)
-        for name, motion in motions.items()
-    }
-
-
-def _rates(motion: Motion) -> Matrix:
-    """Return the time derivative of the rotation matrix A, 1/s: A times the cross-product matrix of
-    the spin in body axes."""
-    rotation, spin = motion.rotation, motion.spin
-    return Matrix(*(row.cross(spin) for row in (rotation.row_x, rotation.row_y, rotation.row_z)))
+    rates = {}
+    for name, motion in motions.items():
+        rows = motion.rotation.row_x, motion.rotation.row_y, motion.rotation.row_z
+        # The derivative of a rotation matrix is it times the cross-product matrix of the spin.
+        turning = Matrix(*(row.cross(motion.spin) for row in rows))
+        rates[name] = Motion(motion.velocity, turning, motion.velocity * 0.0, motion.spin * 0.0)
+    return rates
 
 
 def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.Array:
-    """Return whether `first` and `second` differ by more than `allowed` times (1 + |second|), or
-    are not finite."""
+    """Return whether two numbers differ by more than `allowed` times (1 + |second|), or are not
+    finite."""
     return ~(jnp.abs(first - second) <= allowed * (1.0 + jnp.abs(second)))
 
 
 def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Return whether the length of a vector exceeds the tolerance times (1 + `size`), where `size`
-    is that of the terms of which the vector is the sum."""
+    """Return whether the length of a vector exceeds `TOLERANCE` times (1 + `size`).
+
+    **Arguments:** `size`: length of the vectors of which this vector is the sum.
+    """
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

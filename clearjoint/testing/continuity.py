@@ -45,11 +45,11 @@ def jumps(
 ) -> Jumps:
     """Return the largest jump of a function in each of N intervals, and its position.
 
-    Each interval is divided into pieces, and each piece is bisected. The half with the larger
-    change of the function is kept until the ends are adjacent numbers. The remaining change is a
-    jump if it was about as large after half the bisections; for a continuous function with an
-    infinite slope, such as a square root, it would have decreased. A jump smaller than the change
-    by the slope within a piece may be missed.
+    Each interval is divided into pieces, and each piece is bisected: the half with the larger
+    change of the function is kept, until its ends are adjacent floats. The remaining change is a
+    jump if it is about as large as the change after half of the bisections; for a continuous
+    function with an infinite slope, such as a square root, it would have decreased in between. A
+    jump that is smaller than the continuous change of the function within a piece may be missed.
 
     **Arguments:** `function`: returns values (N,) for arguments (N,), of which the k-th lies in the
     k-th interval; `left`, `right`: ends of the intervals, (N,).

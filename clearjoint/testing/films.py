@@ -60,8 +60,10 @@ def check_film(
 
 
 def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message for each problem of a film; `sizes` are the bearing's radius, radial
-    clearance and length, m."""
+    """Yield a message for each problem of a film.
+
+    **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
+    """
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
@@ -76,8 +78,8 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
-    """Turn a function of a film and a state (4,) into a compiled function of a film and states
-    (N, 4)."""
+    """Return a compiled function of a film and N states, (N, 4), made from a function of a film
+    and one state, (4,)."""
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
@@ -143,8 +145,8 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message if the force along the offset jumps while the direction of the rate makes a
-    full turn."""
+    """Yield a message if the force along the offset jumps while the rate of the offset, of constant
+    size, makes a full turn."""
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:

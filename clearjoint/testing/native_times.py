@@ -1,4 +1,4 @@
-"""Measure how long native programs take to make."""
+"""Measure the time in which native programs are made."""
 
 import gc
 

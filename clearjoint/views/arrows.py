@@ -1,6 +1,5 @@
 """Draw arrows of forces, and colour journals by their contact."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,9 +13,9 @@ from .sketching import SketchingPen
 LONGEST = 0.3
 """Length of the longest arrow, as a fraction of the size of the mechanism."""
 USUAL, FAR = 0.5, 5.0
-"""The usual force is this quantile of all forces that are not zero. Arrows have lengths
-proportional to their forces unless the largest force exceeds the second number times the usual
-force."""
+"""The usual force is the quantile `USUAL` of all forces that are not zero. Lengths of arrows are
+proportional to the square root of forces if the largest force exceeds `FAR` times the usual force,
+otherwise to forces."""
 WIDTH = 1.1
 """Radius of an arrow's head in radii of a bar."""
 MODE_NAMES = {
@@ -32,8 +31,7 @@ class Arrows(NamedTuple):
 
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N.
-    - `cut`: force, N, from which on all arrows have the same length; ``None`` if no force is as
-      large.
+    - `cut`: force, N, above which all arrows have the same length; ``None`` if no force is larger.
     - `largest`: largest force, N.
     - `root`: whether lengths are proportional to the square root of forces.
     """
@@ -55,12 +53,15 @@ def arrows(
     """Return arrows of the contact forces on the second body of each contact, with tips at the
     contact points, and of constant loads, which start at the point of application.
 
-    If the largest force is far above the usual forces, such as an impact in a motion that follows
-    the wall, lengths are proportional to the square root of forces, so that all are visible.
+    If the largest force is far above the usual forces, as in an impact during a motion along the
+    wall, lengths are proportional to the square root of forces, so that all are visible.
 
-    **Arguments:** `pen`: has drawn the scene and noted journals and loads; `observation`: at the
-    times of the frames, None without contact forces; `size`: of the mechanism, m; `bar`: radius of
-    a bar, m; `scale`: length divided by force, m/N, None to choose it.
+    **Arguments:**
+
+    - `pen`: the pen by which the scene has drawn itself.
+    - `observation`: observation at the times of the frames, None without contact forces.
+    - `size`: size of the mechanism, m. `bar`: radius of the bar by which a body is drawn, m.
+    - `scale`: length of an arrow divided by its force, m/N; None to choose it.
     """
     contact_forces = {} if observation is None else _contact_forces(pen, observation)
     all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
@@ -77,10 +78,10 @@ def arrows(
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
             if np.any(forces):
-                if root:
-                    shares = np.linalg.norm(forces, axis=1, keepdims=True) / largest
-                    forces = forces / np.sqrt(np.maximum(shares, 1e-30))
-                vectors = _shortened(forces * scale, longest)
+                norms = np.linalg.norm(forces, axis=1, keepdims=True)
+                lengths = scale * (np.sqrt(norms * largest) if root else norms)
+                directions = forces / np.maximum(norms, 1e-300)
+                vectors = directions * np.minimum(lengths, longest)
                 starts = points - vectors if at_tip else points
                 poses = between(starts, starts + vectors, WIDTH * bar)
                 # Arrows without length shrink to a point.
@@ -117,30 +118,18 @@ def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
     """Return the parts, in which journals and balls have the colours of their motion modes, and the
-    motion modes that occur, sorted by number."""
-    modes = _modes(observation)
-    occurring: set[int] = set()
-    coloured = []
-    for part in parts:
-        if part.name in modes and part.is_journal:
-            occurring |= set(np.unique(modes[part.name]).tolist())
-            part = replace(part, modes=modes[part.name])
-        coloured.append(part)
-    return coloured, [MotionMode(number) for number in sorted(occurring)]
+    motion modes that occur, sorted by number.
 
-
-def _modes(observation: Observation) -> Mapping[str, np.ndarray]:
-    """Return numbers of motion modes (N,) by joint: those observed for journals; for other joints 1
-    if one of their contacts touches, else 0."""
+    A joint without observed motion modes has the mode 1 if one of its contacts touches, else 0.
+    """
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     for name, family in observation.contacts.items():
         if name not in modes and family:
             touching = [np.asarray(contact.penetration) > 0.0 for contact in family.values()]
             modes[name] = np.any(touching, axis=0).astype(int)
-    return modes
-
-
-def _shortened(vectors: np.ndarray, longest: float) -> np.ndarray:
-    """Return the vectors (N, 3), m, cut to at most the length `longest`, m."""
-    sizes = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors * np.minimum(1.0, longest / np.maximum(sizes, 1e-300))
+    coloured = [
+        replace(part, modes=modes[part.name]) if part.is_journal and part.name in modes else part
+        for part in parts
+    ]
+    occurring = {int(mode) for part in coloured if part.modes is not None for mode in part.modes}
+    return coloured, [MotionMode(number) for number in sorted(occurring)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
-from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ LEGEND_WIDTH = 0.28
 LONGEST_EDGE = 0.3
 """Longest edge of a triangle relative to half the height of the picture."""
 TITLE = 24
-"""Characters in a line of the title."""
+"""Largest number of characters in a line of the title."""
 DPI = 100
 FRAMES_PER_SECOND = 25
 
@@ -37,11 +37,11 @@ FRAMES_PER_SECOND = 25
 class Film:
     """A matplotlib figure of a view, in which `show` draws one frame.
 
-    Triangles are drawn from the farthest to the nearest; triangles that face away from the camera
+    Triangles are drawn from the farthest to the nearest. Triangles that face away from the camera
     are omitted.
 
-    **Arguments:** `parts`: solids with a pose for each frame; `times`: (N,) s, of the frames, None
-    for a single state; `size`: width and height of the figure, inches.
+    **Arguments:** `parts`: solids with a pose for each frame; `times`: times of the frames, (N,) s,
+    None for a single state; `size`: width and height of the figure, inches.
     """
 
     def __init__(
@@ -116,15 +116,10 @@ class Film:
             remedy = "install ffmpeg, or save a GIF, which does not need it"
             require(has_ffmpeg, "file", str(file), "a GIF, since ffmpeg is missing", remedy)
             writer = FFMpegWriter(FRAMES_PER_SECOND)
-
-        def draw(k: int) -> list[PolyCollection]:
-            self.show(k)
-            return [self._triangles]  # matplotlib expects the artists that have changed
-
-        # `init_func` does nothing (`list()` is empty). Without it, matplotlib would draw the first
-        # frame an additional time.
-        animation = FuncAnimation(self.figure, draw, frames=frames, init_func=list)
-        animation.save(file, writer=writer, dpi=DPI)
+        with writer.saving(self.figure, str(file), DPI):
+            for k in frames:
+                self.show(k)
+                writer.grab_frame()
 
     def _describe(self, legend: Legend) -> None:
         patches = [
@@ -144,8 +139,8 @@ class Film:
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """Return the part with triangles whose edges are at most `longest`, m, so that they can be
-    sorted by their distance; a part that its pose stretches is returned unchanged."""
+    """Return a part whose triangles have edges of at most `longest`, m, so that they can be sorted
+    by their distance. A part that its pose stretches, such as an arrow, is returned unchanged."""
     is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
     if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
@@ -156,7 +151,7 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 
 
 def _time(time: float, whole: float) -> str:
-    """Return the text of a time, s, with digits and unit that suit the duration `whole`, s."""
+    """Return the text of a time, s, with digits and a unit for a run of duration `whole`, s."""
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -62,7 +62,7 @@ def needed(package: str) -> ModuleType:
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """Return a cylinder about z, centred at the origin."""
+    """Return a cylinder about z, centred at the origin; `radius` and `length` in m."""
     return _of(_creation().cylinder(radius, length, sections=ROUND))
 
 
@@ -72,7 +72,7 @@ def tube(inner: float, outer: float, length: float) -> Mesh:
 
 
 def ball(radius: float) -> Mesh:
-    """Return a ball about the origin."""
+    """Return a ball about the origin; `radius` in m."""
     return _of(_creation().icosphere(subdivisions=2, radius=radius))
 
 
@@ -99,8 +99,9 @@ def arrow() -> Mesh:
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
 
-    **Arguments:** `radius`: of the helix, m; `wire`: radius of the wire, m; `length`: length, m, to
-    which the mesh will be stretched along z, so that the wire is then round; `turns`: of the helix.
+    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`:
+    length, m, to which the pose of the part will stretch the mesh along z, so that the wire becomes
+    round; `turns`: number of turns of the helix.
     """
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
@@ -151,9 +152,8 @@ def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return one mesh with the vertices and faces of several meshes."""
-    firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + first for mesh, first in zip(meshes, firsts[:-1], strict=True)]
-    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
+    vertices, faces = zip(*meshes, strict=True)
+    return Mesh(*needed("trimesh").util.append_faces(vertices, faces))
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
@@ -181,15 +181,32 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     return Mesh(vertices.astype(float), faces.astype(int))
 
 
-def frame_about(axis: ArrayLike) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero;
-    the turn about this axis is arbitrary."""
-    along = np.asarray(axis, dtype=float)
-    along = along / np.linalg.norm(along)
-    start = np.eye(3)[np.argmin(np.abs(along))]
-    second = np.cross(along, start)
-    second /= np.linalg.norm(second)
-    return np.stack([np.cross(second, along), second, along], axis=1)
+def frames(
+    axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
+) -> Float[np.ndarray, "N 4 4"]:
+    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
+
+    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
+    directions, whose parts perpendicular to the axes give the first columns; any by default.
+    """
+    if start is None:
+        start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    poses = np.tile(np.eye(4), (len(axes), 1, 1))
+    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
+    return poses
+
+
+def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
+    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
+
+    **Arguments:** `start`: (3,), direction whose part perpendicular to the axis gives the first
+    column; any by default.
+    """
+    rows = np.asarray(axis, dtype=float)[None]
+    near = None if start is None else np.asarray(start, dtype=float)[None]
+    return frames(rows / np.linalg.norm(rows), near)[0, :3, :3]
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
@@ -211,7 +228,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Return the triangles (F, 3) between successive rings of `corners` vertices each, which are
+    """Return the triangles (F, 3) between successive rings of `corners` vertices each. Vertices are
     numbered ring by ring."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners

@@ -1,10 +1,10 @@
 """A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-k3d is used rather than viser, which has smaller files (1.00 against 1.46 MB for 12 bodies in 500
-frames) and is shown sooner (1.8 against 2.5 s), since k3d shows the time of the run, needs no web
-server to write the file, opens no port, and depends on ipywidgets alone, which notebooks have. The
-file contains solids once and poses for each frame: 501 frames of a four-bar, a slider-crank or the
-robot arm, with arrows and modes, are 1.3 to 1.5 MB.
+The page is made by k3d. Pages of viser are smaller (1.00 against 1.46 MB for 12 bodies in 500
+frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time of the run, writes
+the file without a web server, opens no port, and depends on ipywidgets alone, which notebooks have.
+The file contains each solid once, and its pose in each frame: 501 frames of a four-bar, a
+slider-crank or the robot arm, with arrows and modes, are 1.3 to 1.5 MB.
 """
 
 import json
@@ -48,8 +48,8 @@ def page(
 ) -> str:
     """Return the HTML text of a page that shows a view and needs no network.
 
-    **Arguments:** `parts`: solids with their poses in each frame; `times`: (N,) s, of the frames,
-    or ``None`` for a single state; `height`: height of the view in a notebook, pixels.
+    **Arguments:** `parts`: solids with their poses in each frame; `times`: times of the frames,
+    (N,) s, or ``None`` for a single state; `height`: height of the view in a notebook, pixels.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
@@ -107,5 +107,5 @@ def _number(colour: str) -> int:
 
 
 def _as_script(value: object) -> str:
-    """Return JSON that can stand in a script element, whatever characters its texts have."""
+    """Return a value as JSON in which "<" is escaped, so that no text can end a script element."""
     return json.dumps(value).replace("<", "\\u003c")

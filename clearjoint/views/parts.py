@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from .meshes import Mesh
+from .meshes import Mesh, frames
 
 BODIES = (
     "#0072B2",
@@ -19,18 +19,18 @@ BODIES = (
     "#44AA99",
     "#882255",
 )
-"""Colours of bodies (after M. Okabe and K. Ito, which colour-blind people can distinguish)."""
+"""Colours of bodies, which colour-blind people can distinguish (after M. Okabe and K. Ito)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
 FORCE, LOAD = "#D55E00", "#7A1F8C"
 MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
 """Colours of a journal by `MotionMode`: darker for more contact."""
 CLEAR = 0.3
-"""Opacity of transparent parts."""
+"""Opacity of transparent parts, from 0, invisible, to 1, opaque."""
 
 
 @dataclass(frozen=True)
 class DrawnPart:
-    """A solid that moves as a whole.
+    """A rigid solid of a view, with its pose in each frame.
 
     - `name`: name of its body, joint or force.
     - `mesh`: triangles in the solid's own axes, m.
@@ -38,8 +38,9 @@ class DrawnPart:
       (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest.
     - `colour`: "#rrggbb".
     - `opacity`: from 0.0, invisible, to 1.0, opaque.
-    - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame.
-    - `is_journal`: whether it is the journal or ball of a clearance joint.
+    - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame; ``None`` for a
+      solid of one colour.
+    - `is_journal`: whether the solid is the journal or ball of a clearance joint.
     """
 
     name: str
@@ -62,10 +63,10 @@ class DrawnPart:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices that map the z axis from 0 to 1 to the line from a start to an
-    end, and scale x and y by `width`, m.
+    """Return poses of a solid that reaches from z = 0 to z = 1, such that it reaches from a start
+    to an end; x and y are multiplied by `width`, m.
 
-    **Arguments:** `starts`, `ends`: (N, 3) m, in global axes.
+    **Arguments:** `starts`, `ends`: (N, 3) m, in global axes, one row for each frame.
     """
     along = ends - starts
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -76,26 +77,12 @@ def between(
     return still(poses)
 
 
-def frames(
-    axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
-) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
-
-    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions near which the first columns shall lie, any by default.
-    """
-    if start is None:
-        start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    poses = np.tile(np.eye(4), (len(axes), 1, 1))
-    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
-    return poses
-
-
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (N, 3) m in global axes, of the boxes around all parts in the frames
-    `instants`; parts at rest count once."""
+    """Return the corners, (N, 3) m in global axes, of the boxes around all parts.
+
+    **Arguments:** `instants`: indices of the frames in which moving parts are evaluated; parts at
+    rest are evaluated once.
+    """
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)

@@ -3,13 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..dynamics.assembly import assemble
 from ..fields.checks import require
-from ..model.bodies import GROUND, BodyState, State
+from ..model.bodies import GROUND, State
+from ..model.scene import Scene
 from ..simulation.results.solution import Trajectory
+
+ANGLES = (0.0, 0.7, -0.7, 1.6)
+"""Angles of hinges, rad, that are tried one after another until the loops can be closed: at zero,
+links may be in a dead-centre position."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +45,41 @@ class BodyPoses:
         return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
 
 
-def standing(state: State) -> BodyPoses:
-    """Return the poses of a single state, without a time."""
-    poses = {name: _poses(body)[None] for name, body in state.bodies.items()}
-    return BodyPoses(None, poses | {GROUND: np.eye(4)[None]})
+def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
+    """Return the poses of the bodies and of the ground.
+
+    **Arguments:** `states`: states at N times, with an additional first axis, or a single state;
+    `times`: (N,) s, ``None`` for a single state.
+    """
+    from scipy.spatial.transform import Rotation
+
+    ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))
+    poses = {GROUND: ground}
+    for name, body in states.bodies.items():
+        # The Euler parameters may have any length except zero.
+        rotation = Rotation.from_quat(np.atleast_2d(body.orientation), scalar_first=True)
+        poses[name] = ground.copy()
+        poses[name][:, :3, :3] = rotation.as_matrix()
+        poses[name][:, :3, 3] = np.asarray(body.position)
+    return BodyPoses(times, poses)
 
 
-def moving(trajectory: Trajectory) -> BodyPoses:
-    """Return the poses at all times of a trajectory."""
-    times = np.asarray(trajectory.times, dtype=float)
-    poses = {name: _poses(body) for name, body in trajectory.states.bodies.items()}
-    return BodyPoses(times, poses | {GROUND: np.tile(np.eye(4), (len(times), 1, 1))})
+def initial_state(scene: Scene) -> tuple[State, bool]:
+    """Return a state at rest that satisfies a scene's joints, and whether it satisfies all of them.
+
+    The joints are followed from the ground. If loops stay open, `assemble` closes them.
+    """
+    from ..model.arrangement import arranged_state, is_closed  # imports SciPy
+
+    straight = arranged_state(scene)
+    if is_closed(scene, straight):
+        return straight, True
+    for angle in ANGLES:
+        try:
+            return assemble(scene, arranged_state(scene, angle=angle)), True
+        except ValueError:
+            continue
+    return straight, False
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
@@ -66,11 +95,6 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
     after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
     nearer = wanted - times[after - 1] < times[after] - wanted
     return np.unique(np.where(nearer, after - 1, after))
-
-
-def at_instants(trajectory: Trajectory, chosen: np.ndarray) -> Trajectory:
-    """Return the states of a trajectory at the indices `chosen`, (M,)."""
-    return jax.tree.map(lambda rows: np.asarray(rows)[chosen], trajectory)
 
 
 def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
@@ -93,15 +117,3 @@ def require_instants(trajectory: Trajectory) -> None:
         remedy = "pass a State, or a trajectory whose arrays have the times as first axis"
         argument = f"motion.states.bodies[{name!r}].position"
         require(is_valid, argument, shape, f"of shape ({count}, 3), one row for each time", remedy)
-
-
-def _poses(body: BodyState) -> Float[np.ndarray, "*N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4), or (4, 4) for a single state, from the position of a
-    body and its Euler parameters of any length except zero."""
-    from scipy.spatial.transform import Rotation
-
-    position, orientation = np.asarray(body.position), np.asarray(body.orientation)
-    poses = np.broadcast_to(np.eye(4), (*position.shape[:-1], 4, 4)).copy()
-    poses[..., :3, :3] = Rotation.from_quat(orientation, scalar_first=True).as_matrix()
-    poses[..., :3, 3] = position
-    return poses

@@ -1,4 +1,4 @@
-"""Choose sizes of symbols, scales of clearances and bearings, and the camera of a view."""
+"""Choose the sizes of symbols, the scales of clearances and bearings, and the camera of a view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,21 +8,25 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fields.checks import require, require_positive
+from ..model.bodies import Body
 from ..model.scene import Scene
+from ..model.survey import SurveyingPen
+from .meshes import frame_about
 from .parts import FORCE, LOAD, DrawnPart, corners
 from .poses import BodyPoses
-from .survey import SurveyingPen, equivalent_solid, points_by_body
 
 BAR = 0.014
 """Radius of a bar as a fraction of the size of the mechanism."""
 BORE = 2.4
 """Smallest drawn radius of a bearing, in radii of a bar."""
 DRAWN_GAP = 0.3
-"""Drawn clearance as a fraction of the drawn radius of its bearing, for the joint where it is
-largest, if the scale is chosen automatically."""
+"""Largest ratio of a drawn clearance to the drawn radius of its bearing, if the scale is chosen
+automatically."""
 WIDEST_GAP = 0.9
-"""Largest accepted drawn clearance as a fraction of the drawn radius of its bearing, for a scale
-that the user gives."""
+"""Largest accepted ratio of a drawn clearance to the drawn radius of its bearing, for a scale that
+the user gives."""
+ALIKE = 1e-3
+"""Two principal moments of inertia count as equal up to this relative difference."""
 PLANAR = 0.95
 """A mechanism counts as planar if the squared components of all joint axes along their main
 direction are more than this fraction of all squared components."""
@@ -36,8 +40,9 @@ class Proportions:
     - `bar`: radius of the bar by which a body is drawn, m.
     - `bearing_scale`: drawn size divided by true size of bearings, journals and balls.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
-    - `front`, `up`: (3,) unit vectors in global axes: main direction of the joint axes, along
-      which the viewer looks before the view is tilted, and upward direction.
+    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. The viewer
+      looks along it before the view is tilted.
+    - `up`: (3,) unit vector in global axes, the upward direction.
     - `planar`: whether nearly all joint axes are parallel.
     """
 
@@ -93,14 +98,46 @@ def proportions(
     return Proportions(size, bar, float(bearing_scale), float(clearance_scale), front, up, planar)
 
 
+class BodySolid(NamedTuple):
+    """A homogeneous solid with the mass and moments of inertia of a body.
+
+    - `axes`: (3, 3), whose columns are the axes of the solid, in body axes.
+    - `sides`: (3,) m, lengths of the solid along these axes.
+    - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
+      sides are then its diameter.
+    """
+
+    axes: np.ndarray
+    sides: np.ndarray
+    round: bool
+
+
+def equivalent_solid(body: Body) -> BodySolid:
+    """Return the solid with a body's mass and moments of inertia.
+
+    It is a cylinder if exactly two principal moments are equal, else a box.
+    """
+    inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
+    moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
+    if len(equal) == 1:
+        across, along = moments[equal[0] - 1], moments[equal[0]]
+        radius = np.sqrt(2.0 * along / mass)
+        length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
+        third = frame_about(axes[:, equal[0]])
+        return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
+    sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
+    return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
+
+
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
     is a point."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
-    joined = points_by_body(noted.markers, scene.bodies)
     for name, body in scene.bodies.items():
-        solid = equivalent_solid(body)
-        if len(np.unique(np.round(joined[name], 9), axis=0)) <= 1:
+        joined = {tuple(np.round(m.point, 9)) for m in noted.markers if m.body == name}
+        if len(joined) <= 1:  # such a body is drawn as its equivalent solid
+            solid = equivalent_solid(body)
             ends = solid.axes * (0.5 * solid.sides)
             points += [poses.point(name, sign * end)[0] for end in ends.T for sign in (-1, 1)]
     box = np.ptp(np.array(points), axis=0)
@@ -108,8 +145,8 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction of the joint axes, (3,) in global axes, and whether the mechanism
-    is planar; without axes, global Z and False."""
+    """Return the main direction of the joint axes, (3,) unit vector in global axes, and whether the
+    mechanism is planar. Without joint axes these are the global Z axis and False."""
     axes = [
         poses.direction(marker.body, marker.axis)[0]
         for marker in noted.markers
@@ -124,8 +161,11 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z. For a planar
-    mechanism it must not be near the viewing direction `front`."""
+    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z.
+
+    For a planar mechanism, directions within 60 degrees of the viewing direction `front` are passed
+    over.
+    """
     candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
     for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
         size = np.linalg.norm(candidate)
@@ -140,15 +180,17 @@ def _rounded(number: float) -> float:
     return float(np.round(np.floor(number / unit + 1e-9) * unit, 12))
 
 
-FIELD_OF_VIEW, FLAT = 30.0, 0.3
-"""Vertical field of view, degrees; and the largest sine of the angle between the axis of a
-mechanism and the vertical for a view from above."""
+FIELD_OF_VIEW = 30.0
+"""Vertical field of view, degrees."""
+FLAT = 0.3
+"""A mechanism is viewed from above if the sine of the angle between its main axis and the vertical
+is less than this number."""
 ZOOM_OUT = 1.1
 """Size of the picture divided by the extent of all parts in it."""
 INSTANTS = 120
 """Largest number of frames in which positions of parts are evaluated to place the camera."""
 ITERATIONS = 12
-"""Number of iterations to place the camera: extents in perspective depend on its distance."""
+"""Number of iterations to place the camera, since extents in perspective depend on its distance."""
 WIDE = 1.25
 """Smallest ratio of width to height of a picture."""
 TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
@@ -180,8 +222,8 @@ class Camera(NamedTuple):
 def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
     """Return a camera that shows all parts in all frames, with the mechanism in the middle.
 
-    **Arguments:** `parts`: drawn solids, of which arrows do not count for the middle; `count`:
-    number of frames.
+    **Arguments:** `parts`: drawn solids; arrows do not belong to the mechanism; `count`: number of
+    frames.
     """
     instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
@@ -204,10 +246,12 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the projection of points to the plane of the target, m to the right and upwards.
+    """Return the perspective projection of points to the plane through the target.
 
-    **Arguments:** `corners`: m from the target, to the right, upwards and to the viewer; `distance`
-    of the viewer from the target, m.
+    **Arguments:** `corners`: coordinates of the points relative to the target, m, to the right,
+    upwards and to the viewer; `distance`: distance of the viewer from the target, m.
+
+    **Returns:** coordinates to the right and upwards, m.
     """
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 

@@ -15,11 +15,10 @@ from ..model.clearance_joints.journal_bases import BASES, SIDES
 from ..model.pen import AbstractPen, Marker
 from ..model.scene import Scene
 from . import meshes
-from .meshes import Mesh, frame_about, pose_at
-from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, frames, still
+from .meshes import Mesh, frame_about, frames, pose_at
+from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, still
 from .poses import BodyPoses
-from .proportions import Proportions
-from .survey import equivalent_solid
+from .proportions import Proportions, equivalent_solid
 
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
@@ -29,12 +28,12 @@ JOURNAL_LENGTH = 1.3
 
 @dataclass(frozen=True)
 class DrawnJournal:
-    """A journal as it is drawn.
+    """A journal as it is drawn, with enlarged eccentricity.
 
-    - `ends`: (2, N, 3) m in global axes, drawn centres of its bases V and W in each frame.
-    - `poses`: (N, 4, 4), homogeneous matrices from axes at its middle, with z along its axis, to
-      global axes.
-    - `radius`: drawn radius, m.
+    - `ends`: (2, N, 3) m in global axes, centres of the bases V and W in each frame.
+    - `poses`: (N, 4, 4), homogeneous matrices from axes at the journal's middle, with z along the
+      journal's axis, to global axes.
+    - `radius`: radius, m.
     """
 
     ends: Float[np.ndarray, "2 N 3"]
@@ -44,8 +43,13 @@ class DrawnJournal:
     def touching_point(
         self, contact: str, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"] | None:
-        """Return the drawn contact points (N, 3), m in global axes, of base "V" or "W" in the
-        direction `normal` (N, 3); ``None`` for other contacts."""
+        """Return the drawn contact points of a base, (N, 3) m in global axes.
+
+        **Arguments:** `contact`: label of the contact; `normal`: (N, 3) unit vectors from the
+        base's centre to the contact points.
+
+        **Returns:** ``None`` for contacts other than "V" and "W".
+        """
         if contact not in BASES:
             return None
         return self.ends[BASES.index(contact)] + self.radius * normal
@@ -55,17 +59,15 @@ def drawn_journal(
     poses: BodyPoses,
     bearing: Marker,
     journal: Marker,
-    *,
     radius: float,
     length: float,
-    clearance_scale: float,
-    bearing_scale: float,
+    sizes: Proportions,
 ) -> DrawnJournal:
-    """Return a journal as it is drawn, with eccentricities that are enlarged.
+    """Return a journal as it is drawn, with enlarged eccentricity.
 
     **Arguments:** `bearing`, `journal`: points and axes on their bodies; `radius`: drawn radius of
-    the journal, m; `length`: true length of the journal, m; `clearance_scale`, `bearing_scale`:
-    drawn size divided by true size of eccentricities and of the journal's length.
+    the journal, m; `length`: true length of the journal, m; `sizes`: has the scales by which
+    eccentricities and lengths are enlarged.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())
@@ -77,8 +79,8 @@ def drawn_journal(
         offset = reach + journal_axis * (0.5 * side * length)
         across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
         along = np.sum(reach * axis, axis=1, keepdims=True)
-        along = along + 0.5 * side * sense * length * bearing_scale
-        ends.append(centre + axis * along + across * clearance_scale)
+        along = along + 0.5 * side * sense * length * sizes.bearing_scale
+        ends.append(centre + axis * along + across * sizes.clearance_scale)
     drawn_axis = ends[1] - ends[0]
     drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
     # A direction across the axis that rotates with the journal.
@@ -89,15 +91,15 @@ def drawn_journal(
 
 
 NEAR = 1e-3
-"""Two points of a body count as one if their distance is at most this fraction of the size of the
-mechanism."""
+"""Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
+mechanism, to find equal points."""
 SHORT = 0.5
-"""The equivalent solid of a body is drawn too if the extent of its joints is less than this
-fraction of the solid's longest side."""
+"""The equivalent solid of a body is drawn in addition to the hull of its joints, if the extent of
+the joints is less than this fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
-    """Pen by which joints and forces draw themselves as the parts of a view.
+    """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name.
@@ -115,6 +117,7 @@ class SketchingPen(AbstractPen):
         self.loads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
+        self._bar = proportions.bar
         # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
@@ -131,43 +134,41 @@ class SketchingPen(AbstractPen):
 
     def mark(self, marker: Marker) -> None:
         """Draw a small ball."""
-        self._fix(marker, meshes.ball(1.3 * self._sizes.bar), METAL)
+        self._fix(marker, meshes.ball(1.3 * self._bar), METAL)
         self._hold(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """Draw a cube."""
-        self._fix(first, meshes.box([2.6 * self._sizes.bar] * 3), METAL)
+        """Draw a cube at the first marker."""
+        self._fix(first, meshes.box([2.6 * self._bar] * 3), METAL)
         self._hold(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
         """Draw a pin that protrudes from both bodies."""
-        bar = self._sizes.bar
-        self._fix(first, meshes.cylinder(0.7 * bar, 6.0 * bar), METAL)
+        self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
         for marker in (first, second):
-            behind = self._behind(marker) * (3.5 * bar if marker.body == GROUND else 0.0)
-            self._hold(marker._replace(point=np.asarray(marker.point) + behind))
+            behind = 3.5 * self._bar if marker.body == GROUND else 0.0
+            self._hold(self._moved_back(marker, behind))
 
     def ball(self, first: Marker, second: Marker) -> None:
         """Draw the ball of a spherical joint at the first of two markers, larger than the bars."""
-        self._fix(first, meshes.ball(1.6 * self._sizes.bar), METAL)
+        self._fix(first, meshes.ball(1.6 * self._bar), METAL)
         self._hold(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Draw two pins."""
-        arm = meshes.cylinder(0.6 * self._sizes.bar, 6.0 * self._sizes.bar)
+        """Draw a pin along the axis of each marker."""
         for marker in (first, second):
-            self._fix(marker, arm, METAL)
+            self._fix(marker, meshes.cylinder(0.6 * self._bar, 6.0 * self._bar), METAL)
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
         """Draw a thin rail as long as the motion along it, and a block or a sleeve."""
-        bar, axis = self._sizes.bar, rail.along()
+        bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
-        line = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
-        self._fix(Marker(rail.body, middle, axis), line, self._colours[rail.body])
-        size = 2.0 * bar
-        shape = meshes.box((size, size, 2.0 * size))
+        self._fix(
+            Marker(rail.body, middle, axis), meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
+        )
+        shape = meshes.box((2.0 * bar, 2.0 * bar, 4.0 * bar))
         if turning:
             shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)
         poses = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
@@ -177,26 +178,25 @@ class SketchingPen(AbstractPen):
 
     def plane(self, plane: Marker, point: Marker) -> None:
         """Draw a transparent square, and a ball on it."""
-        bar = self._sizes.bar
-        square = meshes.box((10.0 * bar, 10.0 * bar, 0.2 * bar))
-        self._fix(plane, square, self._colours[plane.body], CLEAR)
-        self._fix(point, meshes.ball(1.2 * bar), METAL)
+        square = meshes.box((10.0 * self._bar, 10.0 * self._bar, 0.2 * self._bar))
+        self._fix(plane, square, opacity=CLEAR)
+        self._fix(point, meshes.ball(1.2 * self._bar), METAL)
         self._hold(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
         """Draw a thin cylinder."""
-        rod = meshes.cylinder(0.5 * self._sizes.bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
+        rod = meshes.cylinder(0.5 * self._bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
         self._span(rod, *self._ends(first, second))
 
     def spring(self, first: Marker, second: Marker) -> None:
         """Draw a coil."""
-        bar, ends = self._sizes.bar, self._ends(first, second)
-        length = max(float(np.linalg.norm(ends[1] - ends[0], axis=1).mean()), bar)
-        self._span(meshes.coil(1.2 * bar, 0.25 * bar, length), *ends)
+        start, end = self._ends(first, second)
+        length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
+        self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
     def load(self, marker: Marker, force: Triple) -> None:
-        """Add a load, (3,) N in global axes, to `loads`; its arrow is made when the scale of forces
-        is known."""
+        """Add a load, (3,) N in global axes, to `loads`. Its arrow is made later, when the scale of
+        forces is known."""
         points = self._poses.point(marker.body, marker.point)
         self.loads[self.element] = points, np.broadcast_to(force, points.shape)
         self._hold(marker)
@@ -210,82 +210,68 @@ class SketchingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Draw an open cylinder, and the journal in it with exaggerated eccentricity."""
+        """Draw an open cylinder, and the journal in it with enlarged eccentricity."""
         sizes = self._sizes
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
-        drawn = drawn_journal(
-            self._poses,
-            bearing,
-            journal,
-            radius=bore - float(clearance) * sizes.clearance_scale,
-            length=float(length),
-            clearance_scale=sizes.clearance_scale,
-            bearing_scale=sizes.bearing_scale,
-        )
-        ring = meshes.tube(bore, outer, wide)
-        self._fix(bearing, ring, self._colours[bearing.body])
-        pin = meshes.cylinder(drawn.radius, JOURNAL_LENGTH * wide)
+        inner = bore - float(clearance) * sizes.clearance_scale
+        drawn = drawn_journal(self._poses, bearing, journal, inner, float(length), sizes)
+        self._fix(bearing, meshes.tube(bore, outer, wide))
+        pin = meshes.cylinder(inner, JOURNAL_LENGTH * wide)
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
-        behind = self._behind(journal) * (0.5 * wide + 1.2 * sizes.bar)
-        self._hold(journal._replace(point=np.asarray(journal.point) + behind))
+        self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw a transparent shell, and the ball in it with exaggerated eccentricity."""
-        sizes = self._sizes
-        bore = sizes.bore(float(radius))
-        shell = meshes.ball(bore).moved(pose_at(np.asarray(socket.point)))
-        self._add(socket.body, shell, self._colours[socket.body], CLEAR)
-        inner = meshes.ball(bore - float(clearance) * sizes.clearance_scale)
+        """Draw a transparent shell, and the ball in it with enlarged eccentricity."""
+        bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
+        self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
+        inner = meshes.ball(bore - float(clearance) * scale)
         poses = self._poses.poses[ball.body].copy()
         centre = self._poses.point(socket.body, socket.point)
-        eccentricity = self._poses.point(ball.body, ball.point) - centre
-        poses[:, :3, 3] = centre + sizes.clearance_scale * eccentricity
+        poses[:, :3, 3] = centre + scale * (self._poses.point(ball.body, ball.point) - centre)
         self._moving.append(DrawnPart(self.element, inner, poses, METAL, is_journal=True))
         self._hold(socket, around=bore)
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
         """Draw two plates as long as the motion of the runner between them."""
-        bar, depth = self._sizes.bar, 8.0 * self._sizes.bar
-        frame = self._in_plane(middle.body, normal)
-        low, high = self._range(middle, runner, frame[:, 0])
-        length, gap = high - low + 2.0 * float(distance) + 2.0 * bar, float(distance)
-        centre = np.asarray(middle.point) + frame[:, 0] * (0.5 * (low + high))
-        for side in (-1.0, 1.0):
-            at = centre + frame[:, 1] * (0.5 * side * (gap + bar))
-            plate = meshes.box((length, bar, depth)).moved(pose_at(at, frame))
-            self._add(middle.body, plate, self._colours[middle.body])
-        self._corners[middle.body].append(np.asarray(centre))
+        # Columns in body axes: along the walls, their normal, and near the direction of view.
+        upwards = _unit(normal)
+        along = _unit(np.cross(upwards, self._components(middle.body, self._sizes.front)))
+        frame = np.stack([along, upwards, np.cross(along, upwards)], axis=1)
+        low, high = self._range(middle, runner, along)
+        centre = np.asarray(middle.point) + along * (0.5 * (low + high))
+        gap = float(distance)
+        plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
+        for side in (-0.5, 0.5):
+            at = centre + upwards * (side * (gap + self._bar))
+            self._add(middle.body, plate.moved(pose_at(at, frame)))
         self._shaped.add(middle.body)
-        self.drawn.add(self.element)
+        self._hold(middle._replace(point=centre))
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
         """Draw a box."""
         across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
-        box = meshes.box((float(length), float(height), 5.0 * self._sizes.bar))
-        self._add(centre.body, box.moved(pose_at(centre.point, frame)), self._colours[centre.body])
+        box = meshes.box((float(length), float(height), 5.0 * self._bar))
+        self._add(centre.body, box.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)
         self._hold(centre)
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
         """Draw a cylinder along the direction of view."""
         axis = self._components(centre.body, self._sizes.front)
-        pin = meshes.cylinder(float(radius), 9.0 * self._sizes.bar)
+        pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
         self._hold(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         """Draw a gear wheel."""
         frame = _toothed_frame(centre.along(), float(phase))
-        count = round(abs(float(teeth)))
-        wheel = meshes.gear(float(radius), count, 2.4 * self._sizes.bar)
-        self._add(
-            centre.body, wheel.moved(pose_at(centre.point, frame)), self._colours[centre.body]
-        )
+        wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
+        self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)
         self._hold(centre)
 
@@ -294,66 +280,64 @@ class SketchingPen(AbstractPen):
         points = self._distinct(name)
         if name in self._shaped and len(points) <= 1:
             return
-        solid = equivalent_solid(body)
-        size = NEAR * self._sizes.size
-        if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * solid.sides.max():
+        longest = equivalent_solid(body).sides.max()
+        if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * longest:
             self.solid(name, body)
             points = np.vstack([points, np.zeros((1, 3))])
-        if np.ptp(points, axis=0).max() > size:
-            skin = meshes.hull(points, self._sizes.bar)
-            self._add(name, skin, self._colours[name])
+        if np.ptp(points, axis=0).max() > NEAR * self._sizes.size:
+            self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
         """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
         solid = equivalent_solid(body)
-        thin = np.sort(solid.sides)[1] <= 2.0 * self._sizes.bar
-        sides = np.maximum(solid.sides, 2.0 * self._sizes.bar).tolist()
+        thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
+        sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
         shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
-        shape = shape.moved(pose_at((0.0, 0.0, 0.0), solid.axes))
-        self._add(name, shape, self._colours[name], 1.0 if thin else CLEAR)
+        pose = pose_at((0.0, 0.0, 0.0), solid.axes)
+        self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
         """Draw a black ball, larger than the bar, at the origin of a body's frame."""
-        self._add(name, meshes.ball(1.5 * self._sizes.bar), "#000000")
+        self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
         """Draw a mesh that the user passes, in body axes, instead of the hull."""
-        self._add(name, mesh, self._colours[name])
+        self._add(name, mesh)
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand below each joint of the ground."""
-        bar = self._sizes.bar
-        frame = frames(down[None], self._sizes.front[None] + 1e-6)[0, :3, :3]
+        """Draw a stand below each joint of the ground.
+
+        **Arguments:** `down`: unit vector from the joints to the stands, in global axes.
+        """
+        frame = frame_about(down, self._sizes.front + 1e-6)
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
+        stand = meshes.pyramid(4.0 * self._bar, 5.0 * self._bar, 2.5 * self._bar)
         for point in self._distinct(GROUND):
-            stand = meshes.pyramid(4.0 * bar, 5.0 * bar, 2.5 * bar).moved(pose_at(point, frame))
-            self._add(GROUND, stand, GROUND_COLOUR)
+            self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Return the points of a body that its hull must contain, (M, 3) m in body axes, without
-        nearly equal ones."""
-        distinct: list[np.ndarray] = []
-        for point in self._corners[name]:
-            distances = [np.linalg.norm(point - other) for other in distinct]
-            if min(distances, default=np.inf) > NEAR * self._sizes.size:
-                distinct.append(point)
-        return np.reshape(distinct, (-1, 3))
+        """Return the points of a body that its hull must contain, (M, 3) m in body axes; of points
+        that are equal after rounding, only the first."""
+        points = np.reshape(self._corners[name], (-1, 3))
+        rounded = np.round(points / (NEAR * self._sizes.size))
+        _, firsts = np.unique(rounded, axis=0, return_index=True)
+        return points[np.sort(firsts)]
 
-    def _add(self, body: str, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m."""
-        self._fixed.setdefault((body, colour, opacity), []).append(mesh)
+    def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
+        """Fix a solid to a body; the mesh is in body axes, m. The default is the body's colour."""
+        key = body, colour or self._colours[body], opacity
+        self._fixed.setdefault(key, []).append(mesh)
 
-    def _fix(self, marker: Marker, mesh: Mesh, colour: str, opacity: float = 1.0) -> None:
+    def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
         axis along the marker's axis if the marker has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
-        moved = mesh.moved(pose_at(marker.point, rotation))
-        self._add(marker.body, moved, colour, opacity)
+        self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of both markers, (N, 3) m each in global axes, and extend the hulls
-        of their bodies to them."""
+        """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of
+        their bodies are extended to them."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
@@ -364,8 +348,11 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points, or, if `around` is not
-        zero, to points at this distance, m, such as the wall of a bearing."""
+        """Extend the hulls of the markers' bodies to the markers' points.
+
+        **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
+        outer radius of a bearing; zero to reach the point.
+        """
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -374,9 +361,13 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
-        """Return the vector (3,), m in body axes, from a bearing's centre to its wall at the given
-        distance, towards the body's centre of mass, or downwards on the ground; zero if the centre
-        of mass lies inside the bearing."""
+        """Return the vector (3,), m in body axes, from a bearing's centre to its wall.
+
+        The vector points to the body's centre of mass, or downwards for the ground. It is zero if
+        the centre of mass lies inside the bearing.
+
+        **Arguments:** `distance`: outer radius of the wall, m.
+        """
         point = np.asarray(marker.point, dtype=float)
         inwards = -self._sizes.up if marker.body == GROUND else -point
         if marker.axis is not None:
@@ -385,28 +376,25 @@ class SketchingPen(AbstractPen):
         size = np.linalg.norm(inwards)
         return inwards * (distance / size) if size > distance else np.zeros(3)
 
-    def _behind(self, marker: Marker) -> np.ndarray:
-        """Return the sense of a marker's axis that points away from the viewer in the first frame,
-        (3,) unit vector in body axes."""
+    def _moved_back(self, marker: Marker, distance: float) -> Marker:
+        """Return a marker that is moved along its axis by a distance, m, away from the viewer in
+        the first frame."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
-        return -axis if towards_viewer >= 0.0 else axis
+        behind = (-axis if towards_viewer >= 0.0 else axis) * distance
+        return marker._replace(point=np.asarray(marker.point) + behind)
 
     def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
         """Return the components in body axes, (3,), of a global direction in the first frame."""
         return self._poses.poses[body][0, :3, :3].T @ direction
 
-    def _in_plane(self, body: str, normal: Triple) -> np.ndarray:
-        """Return a matrix (3, 3) whose columns are, in body axes: the direction along a wall, its
-        normal, and the perpendicular of both, near the direction of view."""
-        upwards = _unit(normal)
-        along = np.cross(upwards, self._components(body, self._sizes.front))
-        along = _unit(along)
-        return np.stack([along, upwards, np.cross(along, upwards)], axis=1)
-
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest position, m, of `runner` relative to `base` in all
-        frames, along `axis`, (3,) in the axes of the body of `base`."""
+        """Return the smallest and the largest position, m, of a marker relative to another one in
+        all frames, along a direction.
+
+        **Arguments:** `base`, `runner`: the markers; `axis`: the direction, (3,) unit vector in the
+        axes of the body of `base`.
+        """
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -422,10 +410,11 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen that has them.
+    """Draw all parts of a scene except arrows, and return the pen, which has the parts.
 
-    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
-    `solids`: whether to add a ball at each centre of mass, and the solid of each body's inertia.
+    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`:
+    whether to add a ball at each centre of mass; `solids`: whether to add the solid of each body's
+    mass and inertia.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():
@@ -458,8 +447,5 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
     """Return a matrix (3, 3) whose columns are the axes of a gear: the third is `along` (3,), the
     first is perpendicular to it and turned about it by `phase`, rad."""
-    numbers = transverse_axes(Vector(*(float(part) for part in along)))[0]
-    first = np.array([float(part) for part in (numbers.x, numbers.y, numbers.z)])
-    second = np.cross(along, first)
-    rotated = first * np.cos(phase) + second * np.sin(phase)
-    return np.stack([rotated, np.cross(along, rotated), along], axis=1)
+    first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
+    return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -1,4 +1,4 @@
-"""`view`: three-dimensional views of a mechanism."""
+"""`view`: show a mechanism in three dimensions."""
 
 import html
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from ..fields.checks import require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..model.survey import survey
 from ..simulation.results.nonsmooth_solution import NonsmoothSolution
 from ..simulation.results.observation import MotionMode, Observation
 from ..simulation.results.observe import observe
@@ -20,38 +22,35 @@ from ..simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode
 from .meshes import Mesh, MeshLike, given_mesh
 from .page import Legend, page
-from .parts import FORCE, GROUND_COLOUR, LOAD, MODES, DrawnPart
+from .parts import FORCE, LOAD, MODES, DrawnPart
 from .poses import (
     BodyPoses,
-    at_instants,
+    body_poses,
+    initial_state,
     instants_to_show,
-    moving,
     require_bodies,
     require_instants,
-    standing,
 )
 from .proportions import Camera, Proportions, camera, proportions
 from .sketching import colours, sketch
-from .survey import survey
 
+T = TypeVar("T")
 Viewable = State | Solution | NonsmoothSolution | Trajectory
 """Types from which `view` takes positions and orientations of the bodies."""
 ODD_SIZE = 50.0
-"""A given mesh that is larger or smaller than the mechanism by more than this factor is refused: it
-is probably in a wrong unit."""
+"""A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
+factor, since it is probably in a wrong unit."""
 SUFFIXES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
 MISSED = 1.1
-"""Ratio of the largest peak of impacts to the largest force of the frames above which a note gives
-the peak."""
+"""The legend notes the largest force of an impact if it exceeds the largest force of all frames by
+more than this factor."""
 ANIMATED = 100
 """Largest number of frames of a GIF or MP4."""
 
 
 @dataclass(eq=False, repr=False)
 class View:
-    """A three-dimensional view of a mechanism, which notebooks display.
-
-    `view` makes it.
+    """A three-dimensional view of a mechanism, made by `view`. Notebooks display it.
 
     - `parts`: the drawn solids.
     - `times`: (N,) s, of the frames; ``None`` for a single state.
@@ -149,8 +148,10 @@ def view(
     title: str = "mechanism",
     height: int = 560,
 ) -> View:
-    """Show a mechanism in three dimensions, in one state or along a run: in a notebook, or saved as
-    a page that works offline, an animation or a picture.
+    """Show a mechanism in three dimensions, in one state or along a run.
+
+    A notebook displays the result; `View.save` writes it as a page that works offline, an animation
+    or a picture.
 
     A body is a bar or a plate around the points of its joints; a body with a single joint is the
     cylinder or box of its mass and inertia. Pins, balls, rails, springs and gears are symbols.
@@ -169,12 +170,13 @@ def view(
 
     **Arguments:**
 
+    - `scene`: the mechanism.
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
-      bodies are arranged by following the joints from the ground; `assemble` closes loops, which
-      compiles.
-    - `observation`: at the instants of the motion. By default the solution is observed, which
-      compiles once for a structure of scenes. With ``forces=False`` there is no observation, and no
-      arrows and modes.
+      bodies are arranged by following the joints from the ground, and `assemble` closes loops,
+      which compiles.
+    - `observation`: result of `observe` at the instants of the motion. By default, `view` observes
+      the solution, which compiles once for all scenes with the same structure.
+    - `forces`: whether to draw arrows of forces, and journals in the colours of their motion modes.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
@@ -223,14 +225,12 @@ def _poses(
     """Return the poses of the bodies in at most `frames` frames, the observation at the same times
     (None if forces are not drawn), and notes for the legend."""
     if motion is None:
-        from .initial_state import initial_state
-
         state, fits = initial_state(scene)
         text = "state found from the joints" if fits else "joints are not closed"
-        return standing(state), None, [f"{text}: pass a state for another position"]
+        return body_poses(state), None, [f"{text}: pass a state for another position"]
     if isinstance(motion, State):
         require_bodies(motion, scene.bodies)
-        return standing(motion), None, []
+        return body_poses(motion), None, []
     trajectory = _trajectory(motion)
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
@@ -239,7 +239,7 @@ def _poses(
     times = np.asarray(trajectory.times)
     require_instants(trajectory)
     chosen = instants_to_show(times, frames)
-    shown = at_instants(trajectory, chosen)
+    shown = _at(trajectory, chosen)
     if observation is not None:
         require(
             np.shape(observation.times) == times.shape,
@@ -248,10 +248,16 @@ def _poses(
             f"of the motion's {len(times)}",
             "pass the result of observe(scene, solution), or nothing",
         )
-        observation = jax.tree.map(lambda rows: np.asarray(rows)[chosen], observation)
+        observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)
-    return moving(shown), observation if forces else None, []
+    poses = body_poses(shown.states, np.asarray(shown.times, dtype=float))
+    return poses, observation if forces else None, []
+
+
+def _at(recorded: T, chosen: np.ndarray) -> T:
+    """Return the rows of a trajectory or of an observation at the indices `chosen`, (M,)."""
+    return jax.tree.map(lambda rows: np.asarray(rows)[chosen], recorded)
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
@@ -264,12 +270,13 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     is_solution = isinstance(motion, Solution | NonsmoothSolution)
     remedy = "pass a State, the result of simulate(), or a Trajectory"
     require(is_solution, "motion", type(motion).__name__, "a state or a solution", remedy)
-    saved = motion.saved if motion.saved is not None else getattr(motion, "steps", None)
-    value, expected = "a solution without saved states", "one with states"
-    remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
-    require(saved is not None and len(saved) > 0, "motion", value, expected, remedy)
-    assert saved is not None
-    return saved
+    for saved in (motion.saved, getattr(motion, "steps", None)):
+        if saved is not None and len(saved):
+            return saved
+    raise ValueError(
+        "Argument `motion` must be a solution with saved states, but has none: pass "
+        "save=Saving(times) or Saving(steps=True) to simulate()."
+    )
 
 
 def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
@@ -296,8 +303,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
 
 
 def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> list[tuple[str, str]]:
-    entries = [(c, name) for name, c in colours(scene.bodies).items() if c != GROUND_COLOUR]
-    entries.append((GROUND_COLOUR, "ground"))
+    entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
     entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
     shown = {part.colour for part in force_arrows.parts}
     entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
@@ -321,20 +327,20 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note if an impact between two frames has a larger force than all frames, or none."""
+    """Return a note on the largest force of all impacts if it acts between two frames and exceeds
+    the forces of all frames; else no note."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
-    if observed is None or impacts is None or len(impacts) == 0:
+    if observed is None or impacts is None or not len(impacts):
         return []
-    bases = [contact for family in observed.contacts.values() for contact in family.values()]
-    shown = max((float(np.max(base.normal_force)) for base in bases), default=0.0)
+    contacts = [contact for family in observed.contacts.values() for contact in family.values()]
+    shown = max((float(np.max(contact.normal_force)) for contact in contacts), default=0.0)
     peak = float(impacts.peak_force.max())
-    if peak <= MISSED * shown:
-        return []
-    return [f"largest contact force, between frames: {_newtons(peak)}"]
+    note = f"largest contact force, between frames: {_newtons(peak)}"
+    return [note] if peak > MISSED * shown else []
 
 
 def _newtons(force: float) -> str:
-    for factor, unit in ((1e6, "MN"), (1e3, "kN"), (1.0, "N"), (1e-3, "mN")):
-        if force >= factor:
-            return f"{force / factor:.3g} {unit}"
-    return f"{force:.3g} N"
+    """Return the text of a force, N, with three digits and a prefix of the unit: "12.3 kN"."""
+    from matplotlib.ticker import EngFormatter
+
+    return EngFormatter("N")(float(f"{force:.3g}"))

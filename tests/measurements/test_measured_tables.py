@@ -68,6 +68,12 @@ def test_options_reach_pandas_and_noise_may_be_common(written, tmp_path):
     np.testing.assert_array_equal(spaced["p"].values, [2.0])
 
 
+def test_a_choice_of_columns_keeps_their_names_and_units(written):
+    path = written("t,a [deg],p [mm]\n0,90,1\n1,91,2\n")
+    data = cj.read_csv(path, {"p": PROBE}, usecols=["t", "p [mm]"], dtype={"p [mm]": float})
+    np.testing.assert_allclose(data["p"].values, [1e-3, 2e-3], rtol=1e-14)
+
+
 GAPS = "t,p [mm],a [deg]\n0,1,\n1,bad,5\n2,3,NaN\n3,4,6\n4,inf,7\n"
 
 

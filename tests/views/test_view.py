@@ -14,10 +14,10 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
-from clearjoint.views.initial_state import initial_state
 from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
+from clearjoint.views.poses import initial_state
+from clearjoint.views.proportions import equivalent_solid
 from clearjoint.views.sketching import WALL
-from clearjoint.views.survey import equivalent_solid
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
 

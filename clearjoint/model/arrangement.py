@@ -1,0 +1,100 @@
+"""Arrange the bodies of a scene by following its joints, for a first guess of its state."""
+
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .bodies import GROUND, State, body_state
+from .pen import Marker
+from .scene import Scene
+from .survey import survey
+
+CLOSED = 1e-6
+"""A joint counts as closed if the distance of its two points, relative to their distance from the
+bodies' centres, and the sine of the angle between its axes are at most this number."""
+Pose: TypeAlias = tuple[np.ndarray, Rotation]
+"""Position of a body's centre, (3,) m in global axes, and rotation from body to global axes."""
+
+
+def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0) -> State:
+    """Return a state of all bodies of a scene, found by following its joints from the ground.
+
+    Each joint places the next body, at rest, such that the two points of the joint coincide. The
+    body is parallel to the one before it, or turned by the smallest rotation that makes the axes of
+    the joint parallel. Bodies that no joint connects lie at the origin. Loops of joints may stay
+    open.
+
+    **Arguments:** `given`: state of some of the bodies, which keep it; `angle`: rad, by which the
+    first hinge is turned about its axis. Further hinges have angles of alternating sign and
+    growing size.
+    """
+    given = State({}) if given is None else given
+    poses = _poses(given)
+    joined = survey(scene).joined
+    while len(poses) <= len(scene.bodies):
+        pair = next((p for p in joined if (p[0].body in poses) != (p[1].body in poses)), None)
+        if pair is None:
+            unconnected = next(name for name in scene.bodies if name not in poses)
+            poses[unconnected] = np.zeros(3), Rotation.identity()
+            continue
+        known, other = pair if pair[0].body in poses else pair[::-1]
+        poses[other.body] = _joined(poses[known.body], known, other, angle)
+        angle = -1.3 * angle
+    bodies = {}
+    for name in scene.bodies:
+        position, rotation = poses[name]
+        found = body_state(position, rotation.as_quat(scalar_first=True))
+        bodies[name] = given.bodies.get(name, found)
+    return replace(given, bodies=bodies)
+
+
+def is_closed(scene: Scene, state: State) -> bool:
+    """Return whether the points of each joint coincide in a state, and the axes are parallel."""
+    poses = _poses(state)
+    for pair in survey(scene).joined:
+        (first, along), (second, along_second) = (_in_space(poses[one.body], one) for one in pair)
+        size = max(1e-3, *(float(np.linalg.norm(one.point)) for one in pair))
+        if np.linalg.norm(first - second) > CLOSED * size:
+            return False
+        if along is not None and along_second is not None:
+            lengths = np.linalg.norm(along) * np.linalg.norm(along_second)
+            if np.linalg.norm(np.cross(along, along_second)) > CLOSED * lengths:
+                return False
+    return True
+
+
+def _poses(state: State) -> dict[str, Pose]:
+    """Return the poses of the bodies of a state and of the ground, by name."""
+    poses = {
+        name: (
+            np.asarray(body.position),
+            Rotation.from_quat(np.asarray(body.orientation), scalar_first=True),
+        )
+        for name, body in state.bodies.items()
+    }
+    return {GROUND: (np.zeros(3), Rotation.identity()), **poses}
+
+
+def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the point of a marker, (3,) m, and its axis, if it has one, (3,), in global axes."""
+    position, rotation = pose
+    axis = None if marker.axis is None else rotation.apply(marker.axis)
+    return position + rotation.apply(marker.point), axis
+
+
+def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
+    """Return the pose of the body of `other`, such that both markers coincide.
+
+    **Arguments:** `pose`: of the body of `known`; `angle`: turn about the common axis, rad.
+    """
+    rotation = pose[1]
+    point, target = _in_space(pose, known)
+    if target is not None and other.axis is not None:
+        axis = rotation.apply(other.axis)
+        # Axes are parallel in either sense; the smaller rotation is taken.
+        shortest = Rotation.align_vectors(target if axis @ target >= 0.0 else -target, axis)[0]
+        about_hinge = Rotation.from_rotvec(angle * target / np.linalg.norm(target))
+        rotation = about_hinge * shortest * rotation
+    return point - rotation.apply(other.point), rotation

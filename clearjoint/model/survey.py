@@ -1,0 +1,71 @@
+"""Collect the points, axes and clearances of a scene's joints and forces."""
+
+from typing import NamedTuple
+
+from ..fields.types import Single
+from .pen import AbstractPen, Marker
+from .scene import Scene
+
+
+class Bore(NamedTuple):
+    """Radius of a bearing or socket, m, or ``None`` if unknown; and its clearance, m."""
+
+    radius: float | None
+    clearance: float
+
+
+class SurveyingPen(AbstractPen):
+    """Collects the markers of elements, instead of drawing them.
+
+    - `markers`: all markers.
+    - `joined`: pairs of markers whose points are put together when bodies are arranged, with
+      parallel axes if both have one. A sliding block is put to the point of its rail's marker,
+      although it may be anywhere along the rail.
+    - `bores`: the bores of all journals and balls with clearance.
+    """
+
+    def __init__(self) -> None:
+        self.markers: list[Marker] = []
+        self.joined: list[tuple[Marker, Marker]] = []
+        self.bores: list[Bore] = []
+
+    def mark(self, *drawn: object, **named: object) -> None:
+        """Add the markers among the arguments."""
+        self.markers += [one for one in (*drawn, *named.values()) if isinstance(one, Marker)]
+
+    def weld(self, *drawn: object, **named: object) -> None:
+        """Add the two markers among the arguments, and add them as a pair to `joined`."""
+        self.mark(*drawn, **named)
+        self.joined.append((self.markers[-2], self.markers[-1]))
+
+    def cross(self, *drawn: object, **named: object) -> None:
+        """Add two markers as `weld` does, but without their axes, which are not parallel."""
+        self.weld(*map(_without_axis, (*drawn, *named.values())))
+
+    def block(self, *drawn: object, **named: object) -> None:
+        """Add the centre without its axis, which lies in the plane of motion."""
+        self.mark(*map(_without_axis, (*drawn, *named.values())))
+
+    def bearing(
+        self, *drawn: object, radius: Single | None, clearance: Single, **named: object
+    ) -> None:
+        """Add two markers as `weld` does, and the bore; `radius` and `clearance` in m."""
+        self.weld(*drawn, **named)
+        self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
+
+    rod = spring = load = roller = gear = mark
+    pin = ball = slide = plane = weld
+    walls = cross
+    socket = bearing
+
+
+def _without_axis(one: object) -> object:
+    return one._replace(axis=None) if isinstance(one, Marker) else one
+
+
+def survey(scene: Scene) -> SurveyingPen:
+    """Return a pen that has collected the markers of a scene's joints and forces."""
+    pen = SurveyingPen()
+    for element in (*scene.joints.values(), *scene.forces.values()):
+        element.draw(pen)
+    return pen
