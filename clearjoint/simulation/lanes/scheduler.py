@@ -24,9 +24,9 @@ from ...math.vectors import pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
-from ...native.disk_cache import load_or_make
 from ...native.functions import BoundFunction
 from ...native.lanes import LaneLoop
+from ...native.machine_code import load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
 from ..run.interruptions import interruptions_deferred
@@ -365,17 +365,17 @@ class _Group:
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
         """Read and empty the buffers of a lane, and update its request for the next rows."""
-        floats, whole = self._columns.floats, self._columns.whole
+        floats, integers = self._columns.floats, self._columns.integers
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
-            if count := whole[counter, column]:
+            if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
-                whole[counter, column], taken = 0, True
+                integers[counter, column], taken = 0, True
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
             for name, cell in request.wanted.items():
-                whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
+                integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
         """Return the next `WINDOW` times to save at, s, filled up with infinity."""
