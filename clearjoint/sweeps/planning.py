@@ -1,8 +1,7 @@
-"""Division of a sweep into data shared by its lanes, data of each lane, and digests for a store."""
+"""Division of a sweep into the data that all lanes share and the data of each lane."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 
 import jax
 import numpy as np
@@ -22,10 +21,8 @@ from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from ..simulation.step.spans import check_span, checked_times
-from .axes import Axis, Lanes, variable_leaves
+from .axes import Lanes
 from .outputs import AnySaved, ImpactTable, Output
-from .store.identity import Identity, row_digests, run_digests
-from .store.program import RUN, programs
 
 
 def checked_starts(
@@ -33,10 +30,10 @@ def checked_starts(
 ) -> tuple[Lanes, bool]:
     """Check the constraints of each lane at the start, as `simulate` does.
 
-    **Arguments:** `start_time`: s; `coordinates`: the solver's choice of coordinates.
+    **Arguments:** `start_time`: s; `coordinates`: coordinates that the solver uses.
 
-    **Returns:** the lanes, and whether any lane has redundant constraints. Lanes with nearly
-    redundant constraints, whose rank is uncertain, are marked as bad.
+    **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
+    are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
 
     **Raises:** `ValueError` if the mechanism has no degree of freedom.
     """
@@ -63,9 +60,12 @@ def common_values(
 ) -> Common:
     """Return the data that all lanes share: the constant scene, settings of the run, and outputs.
 
+    **Arguments:** `scheme`: method of the integration; `outputs`: outputs by name; `start_time`: s;
+    `max_steps`: largest number of steps of a lane.
+
     **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
     """
-    saved, _ = _saved_output(outputs)
+    saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
@@ -104,89 +104,29 @@ def lane_tasks(
 ) -> Task:
     """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
 
-    Times are in s. `end_time` is a number or a function of the lane's scene.
+    **Arguments:** `end_time`: s, a number or a function of the lane's scene; `start_time`: s;
+    `settings`: settings of the integration; `outputs`: outputs by name.
+
+    **Raises:** `ValueError` for ends that are not finite or not after the start, for times to save
+    at that are outside of the run, and for different numbers of these times.
     """
-    _, saved = _saved_output(outputs)
+    saved = next((output for output in outputs.values() if isinstance(output, AnySaved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
-    ends = _ends(end_time, scenes, count, start_time)
-    first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
-    times = _save_times(saved, scenes, start_time, ends)
-    return Task(lanes.scenes, lanes.states, ends, first_steps, times)
-
-
-def _ends(
-    end_time: float | Callable[[Scene], float],
-    scenes: Sequence[Scene],
-    count: int,
-    start_time: float,
-) -> np.ndarray:
-    """Return the end time of each lane, (lanes,) s.
-
-    `scenes`: scene of each lane, for an `end_time` that is a function; else they are not used.
-
-    **Raises:** `ValueError` for ends that are not finite or not after the start.
-    """
     given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
     ends = np.asarray(given, dtype=float)
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
-    require(
-        not wrong.size,
-        "end_time",
-        wrong[:1],
-        f"finite and after start_time = {start_time}",
-        "give times in s",
-    )
+    expected = f"finite and after start_time = {start_time}"
+    require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")
     check_span(start_time, float(ends.min()))
-    return ends
-
-
-def _save_times(
-    saved: AnySaved | None, scenes: Sequence[Scene], start_time: float, ends: np.ndarray
-) -> np.ndarray | None:
-    """Return the times at which each lane is saved, (lanes, K) s; ``None`` without an output to
-    save.
-
-    **Raises:** `ValueError` for times outside the run, or another number of times in some lanes.
-    """
-    if saved is None:
-        return None
-    rows = [saved.at(scene) for scene in scenes]
-    counts = sorted({len(row) for row in rows})
-    require(len(counts) == 1, "times", counts, "equally many in all lanes", "repeat the last one")
-    spans = zip(rows, ends, strict=True)
-    return np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
-
-
-def _saved_output(outputs: Mapping[str, Output]) -> tuple[str, AnySaved | None]:
-    """Return the name and the output of the one `AnySaved`; "" and ``None`` if there is
-    none."""
-    saved = ((name, o) for name, o in outputs.items() if isinstance(o, AnySaved))
-    return next(saved, ("", None))
-
-
-def program_tracer(
-    common: Common, axes: Mapping[str, Axis], lanes: Lanes
-) -> Callable[[], dict[str, str]]:
-    """Return a function that traces the lanes' programs in the process that calls the function.
-
-    The function returns digests of the programs by name. Worker processes compare them with the
-    digests of the process that made the sweep.
-    """
-    # All leaves that the axes can change are arguments of the program, even if they are equal in
-    # all present lanes: more values on an axis must not change the digests.
-    folded_scene = fold_constants(lanes.scene, variable_leaves(lanes, axes))
-    start_time = float(common.start_time)
-    return partial(programs, common.plan, folded_scene, lanes.state, start_time, common.channels)
-
-
-def identity(of_programs: Mapping[str, str], common: Common, lanes: Lanes, tasks: Task) -> Identity:
-    """Return the digests of programs and of lanes by which a store recognises the sweep.
-
-    **Arguments:** `of_programs`: digests of the programs by name.
-    """
-    digests = {RUN: run_digests(lanes, tasks)}
-    if tasks.save_at is not None:
-        digests[common.saved] = row_digests([tasks.save_at])
-    return Identity(of_programs, digests)
+    first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
+    times = None
+    if saved is not None:
+        rows = [saved.at(scene) for scene in scenes]
+        counts = sorted({len(row) for row in rows})
+        expected = "equally many in all lanes"
+        require(len(counts) == 1, "times", counts, expected, "repeat the last one")
+        spans = zip(rows, ends, strict=True)
+        times = np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
+    return Task(lanes.scenes, lanes.states, ends, first_steps, times)

@@ -4,6 +4,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, TypedDict
 
@@ -13,6 +14,7 @@ from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
 from ..fields.checks import require, require_array_names, require_count
 from ..fields.conversion import with_arrays
+from ..math.vectors import fold_constants
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..result_codes import result_numbers
@@ -21,25 +23,26 @@ from ..simulation.run.saving import Saving, saving_or_nothing
 from ..simulation.step import presets
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings, settings_or
-from .axes import Axis, Lanes, lanes_of
+from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .computing import compute_missing
-from .descriptions import identifying_settings, notes_for_readers
+from .descriptions import identifying_settings, notes_for_readers, variables_of
 from .executors import AbstractSubmitter
 from .layout import RESULT, Coordinate, Layout
 from .outputs import Output, check_outputs, with_saving
-from .planning import checked_starts, common_values, identity, lane_tasks, program_tracer
+from .planning import checked_starts, common_values, lane_tasks
+from .store.program import identity_of, programs
 from .store.store import SweepMemory, SweepStore
-from .variables import variables_of
 from .work import Work
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 256
+"""Number of lanes in a chunk by default."""
 
 
 class SweepOptions(TypedDict, total=False):
-    """Options of `sweep` that functions which make a sweep pass on to it."""
+    """Options that functions which make a sweep pass on to `sweep`."""
 
     path: str | PathLike | None
     executor: AbstractSubmitter | None
@@ -67,8 +70,8 @@ def sweep(
 ) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
-    Each combination of values is a lane. Lanes run together, but each has its own time and step
-    size: its numbers are those of a single run and don't depend on the other lanes. A lane that
+    Each combination of values is a lane. Lanes run side by side, but each has its own time and step
+    size, so its numbers are those of a single run and don't depend on the other lanes. A lane that
     fails keeps its result code and the time it reached, and the other lanes continue.
 
     **Arguments:**
@@ -79,26 +82,27 @@ def sweep(
       the values. With `zipped`, lane i has the i-th value of every axis.
     - `outputs`: outputs to keep for each lane, by name: reductions (`Peak`, `ImpactCount`,
       `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
-      `AbstractReduction`), one `Saved`, `Section`, and `ImpactTable`:
-      ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every contact, whose peak
-      force is ``hits_peak_force``. The final state, result code, time reached, and numbers of steps
-      are always kept.
+      `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`) and at most one
+      `Saved`. For instance, ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every
+      contact, with their peak forces as ``hits_peak_force``. The final state, result code, time
+      reached, and numbers of steps are always kept.
     - `settings`: settings of the integration; by default `clearjoint.presets.default`.
     - `save`: further results of each lane, as in `simulate`: the states at given times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
       ``saved_time``, and sections, which become outputs of the same names. Sweeps can't save every
       step, and save impacts only in an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
-      store of this sweep, only missing or damaged lanes are computed: values of axes, axes and
-      outputs can be added later. A store recognises its sweep by the numbers of its lanes and by
-      the programs that JAX traces, not by source texts or names. `open_sweep(path)` reads it,
-      finished or not, and so does ``xarray.open_zarr(path)``. A process that is killed loses the
-      running lanes and, of the finished ones, at most a chunk or the last ten seconds.
-    - `executor`: a `concurrent.futures.Executor` (if of processes, spawned and not forked; a script
-      must create it below ``if __name__ == "__main__":``) or a `dask.distributed.Client` (for
-      clusters: ``pip install 'clearjoint[cluster]'``), which computes the chunks. By default
-      threads of this process share the lanes. Dask computes the chunks of a worker that dies on
-      another worker.
+      store of this sweep, only missing or damaged lanes are computed, so that values of axes, axes
+      and outputs can be added later. A store recognises its sweep by the numbers of its lanes and
+      by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
+      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      killed loses the running lanes and, of the finished ones, at most a chunk or those of the last
+      ten seconds.
+    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
+      chunks; by default threads of this process share the lanes. Processes must be spawned, not
+      forked, and a script must make them below ``if __name__ == "__main__":``. Dask serves for
+      clusters (``pip install 'clearjoint[cluster]'``); it computes the chunks of a worker that dies
+      on another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store and of the executor.
@@ -141,14 +145,17 @@ def sweep(
         # Results in memory need no fingerprint, so that no program is traced for them.
         trace, store = None, SweepMemory(layout)
     else:
-        trace = program_tracer(common, axes, lanes)
+        # All leaves that the axes can change are arguments of the programs, even if they are equal
+        # in all present lanes: more values on an axis must not change the digests.
+        folded = fold_constants(scene, variable_leaves(lanes, axes))
+        # Worker processes trace the programs too, to check that they have the same code.
+        trace = partial(programs, common.plan, folded, state, start_time, common.channels)
         digests = trace()
         common = replace(common, programs=tuple(digests.items()))
-        store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
+        store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks, common.saved))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
-    # Both warnings come after the store is complete, so that they also cover lanes computed
-    # earlier.
+    # The warnings are about all lanes, also those that the store already had.
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
@@ -163,8 +170,7 @@ def _check_axes(axes: Mapping[str, Axis]) -> None:
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn how many lanes failed, for each result code, with the first message about invalid
-    values."""
+    """Warn of the number of failed lanes by result code, with the first error message."""
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]
@@ -179,6 +185,7 @@ def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
 
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
+    """Warn of lanes at whose end a journal has slid out of its bearing."""
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
     bodies = {
