@@ -293,10 +293,7 @@ def higher(one: Point, other: Point) -> Point:
 
 
 def _either(condition: Scalar, one: Point, other: Point) -> Point:
-    return Point(
-        jnp.where(condition, one.x, other.x),
-        jnp.where(condition, one.value, other.value),
-    )
+    return Point(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _slope(first: Point, second: Point) -> Scalar:

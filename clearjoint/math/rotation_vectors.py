@@ -51,14 +51,13 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
     At exactly half a revolution, where the vector jumps to its opposite and the direction is
     undefined, the vector is zero.
     """
-    x, y, z = rotation.row_x, rotation.row_y, rotation.row_z
+    x, y, z = rotation.rows
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
     squared_sine = sine_vector.dot(sine_vector)
     stretch = _angle_over_sine(squared_sine, cosine)
-    return RotationVector(
-        sine_vector * stretch, _curvature(squared_sine * stretch * stretch, stretch, cosine)
-    )
+    curvature = _curvature(squared_sine * stretch * stretch, stretch, cosine)
+    return RotationVector(sine_vector * stretch, curvature)
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:

@@ -107,12 +107,10 @@ class Vector:
     z: Scalar
 
     def __add__(self, other: "Vector") -> "Vector":
-        return Vector(add(self.x, other.x), add(self.y, other.y), add(self.z, other.z))
+        return Vector(*map(add, self, other))
 
     def __sub__(self, other: "Vector") -> "Vector":
-        return Vector(
-            subtract(self.x, other.x), subtract(self.y, other.y), subtract(self.z, other.z)
-        )
+        return Vector(*map(subtract, self, other))
 
     def __neg__(self) -> "Vector":
         return ZERO - self
@@ -141,9 +139,7 @@ class Vector:
 
     def componentwise_product(self, other: "Vector") -> "Vector":
         """Return the vector (x1 x2, y1 y2, z1 z2)."""
-        return Vector(
-            multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
-        )
+        return Vector(*map(multiply, self, other))
 
 
 ZERO = Vector(0.0, 0.0, 0.0)
@@ -186,6 +182,11 @@ class Matrix:
     row_y: Vector
     row_z: Vector
 
+    @property
+    def rows(self) -> tuple[Vector, Vector, Vector]:
+        """The three rows."""
+        return self.row_x, self.row_y, self.row_z
+
     @overload
     def __matmul__(self, other: Vector) -> Vector: ...
 
@@ -193,13 +194,12 @@ class Matrix:
     def __matmul__(self, other: "Matrix") -> "Matrix": ...
 
     def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
-        rows = (self.row_x, self.row_y, self.row_z)
         if isinstance(other, Matrix):
-            return Matrix(*(other.transposed_times(row) for row in rows))
-        return Vector(*(row.dot(other) for row in rows))
+            return Matrix(*(other.transposed_times(row) for row in self.rows))
+        return Vector(*(row.dot(other) for row in self.rows))
 
     def __add__(self, other: "Matrix") -> "Matrix":
-        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
+        return Matrix(*(a + b for a, b in zip(self.rows, other.rows, strict=True)))
 
     def transposed_times(self, vector: Vector) -> Vector:
         """Return the product of the transposed matrix and a vector."""
@@ -208,21 +208,18 @@ class Matrix:
     @property
     def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
         """The transposed matrix."""
-        x, y, z = self.row_x, self.row_y, self.row_z
-        return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
+        return Matrix(*(Vector(*column) for column in zip(*self.rows, strict=True)))
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """Return the matrix minus the outer product of `column` and `row`."""
-        return Matrix(
-            self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
-        )
+        return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
         """Return the inverse of a regular matrix, computed from its cofactors."""
-        x, y, z = self.row_x, self.row_y, self.row_z
-        columns = Matrix(y.cross(z), z.cross(x), x.cross(y))
-        scale = 1.0 / x.dot(columns.row_x)
-        return Matrix(columns.row_x * scale, columns.row_y * scale, columns.row_z * scale).T
+        x, y, z = self.rows
+        columns = y.cross(z), z.cross(x), x.cross(y)
+        scale = 1.0 / x.dot(columns[0])
+        return Matrix(*(column * scale for column in columns)).T
 
 
 IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
@@ -358,7 +355,7 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 
 def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
-        rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
+        rows = [_pack_leaf(row) for row in leaf.rows]
         return library(rows).stack(rows, axis=-2)
     if isinstance(leaf, Vector | EulerParameters):
         parts = jax.tree.leaves(leaf)

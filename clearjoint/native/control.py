@@ -20,6 +20,7 @@ from .lowering import (
     LARGEST_UNROLLED,
     LONGEST_CHOICE,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
@@ -32,9 +33,7 @@ from .lowering import (
 from .operations import Symbol, Value
 
 
-def _cond(
-    lower: Lowering, equation: core.JaxprEqn, condition: Array, *arguments: Array
-) -> list[Array]:
+def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
     branches = equation.params["branches"]
     ops = lower.ops
     assert isinstance(condition, int)
@@ -145,7 +144,7 @@ def _branch(
     return lower.unflatten(outs, first_results)
 
 
-def _while(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
@@ -237,7 +236,7 @@ def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Arra
         lower.write(new, old.start)
 
 
-def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
         constants, carried = parameters["num_consts"], parameters["num_carry"]

@@ -12,8 +12,12 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-from ..compilation.clock import begins_a_program, program_is_made_inside
-from ..compilation.tracing import collector_at_rest, program_of
+from ..compilation.tracing import (
+    begins_a_program,
+    collector_at_rest,
+    program_is_made_inside,
+    program_of,
+)
 from . import control, indexing, structure
 from .cells import Cells, Memory
 from .lowering import Lowering, UnsupportedPrimitiveError, aval_of, tangents_of

@@ -12,12 +12,12 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from jax.extend import core
 
 from .elementwise import apply, convert
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
@@ -108,7 +108,7 @@ def _block_of_slice(
 
 
 def _dynamic_slice(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, *starts: Array
+    lower: Lowering, equation: Equation, array: Array, *starts: Array
 ) -> list[Array]:
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
@@ -120,7 +120,7 @@ def _dynamic_slice(
 
 
 def _dynamic_update_slice(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, update: Array, *starts: Array
+    lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
@@ -144,7 +144,7 @@ def _dynamic_update_slice(
     return [lower.read(memory) if small else replace(memory, owned=True)]
 
 
-def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Array) -> list[Array]:
+def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
     """Return one block of the array for each row of indices (see `jax.lax.gather`)."""
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
@@ -237,7 +237,7 @@ def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
 
 def _scatter(
     lower: Lowering,
-    equation: core.JaxprEqn,
+    equation: Equation,
     array: Array,
     indices: Array,
     updates: Array,

@@ -40,6 +40,7 @@ FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
+Equation = core.JaxprEqn
 # Hashing a dtype takes a twentieth of the time of its name.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
 _UNSIGNED, _LARGEST = np.dtype("uint32"), (1 << 32) - 1
@@ -119,7 +120,7 @@ def is_contiguous(indices: np.ndarray) -> bool:
     )
 
 
-def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[core.Jaxpr]:
+def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
     """Iterate over the jaxprs among the parameters of an equation."""
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
@@ -192,7 +193,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     **Returns:** the calls by the id of the equation that makes them. Equations that call the same
     jaxpr share one `RepeatedCall`.
     """
-    groups: dict[int, list[core.JaxprEqn]] = {}
+    groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
             groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
@@ -442,7 +443,7 @@ class Lowering:
 
     def _add_equation(
         self,
-        equation: core.JaxprEqn,
+        equation: Equation,
         known: dict[Atom, Array],
         last_reads: dict[Atom, int],
         number: int,
@@ -487,7 +488,7 @@ class Lowering:
                 out = replace(out, owned=False)
             known[variable] = out
 
-    def _lower(self, equation: core.JaxprEqn, arguments: list[Array]) -> Sequence[Array]:
+    def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
         name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:
@@ -543,7 +544,7 @@ class Lowering:
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
         return self.unflatten(new, function.results)
 
-    def _elementwise(self, equation: core.JaxprEqn, arguments: list[Array]) -> Array:
+    def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
         aval, name, ops = aval_of(equation.outvars[0]), equation.primitive.name, self.ops
         kind, shape = kind_of(aval), tuple(aval.shape)
         parameter = equation.params[PARAMETERS[name]] if name in PARAMETERS else None

@@ -13,12 +13,12 @@ from functools import partial, reduce
 
 import numpy as np
 from jax.core import ShapedArray
-from jax.extend import core
 
 from .elementwise import apply
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
@@ -43,7 +43,7 @@ Combine = Callable[[Value, Value], Value]
 
 def _rearranged(
     lower: Lowering,
-    equation: core.JaxprEqn,
+    equation: Equation,
     array: Array,
     rearrange: Rearrange,
 ) -> list[Array]:
@@ -52,14 +52,14 @@ def _rearranged(
     return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
 
-def _reshape(lower: Lowering, equation: core.JaxprEqn, array: Array, *_: Array) -> list[Array]:
+def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
     shape = tuple(aval_of(equation.outvars[0]).shape)
     if isinstance(array, InMemory):
         return [replace(array, shape=shape)]
     return [lower.array(lower.values(array), shape)]
 
 
-def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
@@ -70,9 +70,7 @@ def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array
     return _rearranged(lower, equation, array, lambda indices, _: [indices[part]])
 
 
-def _broadcast_in_dim(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, *_: Array
-) -> list[Array]:
+def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
@@ -86,12 +84,7 @@ def _broadcast_in_dim(
     return _rearranged(lower, equation, array, rearrange)
 
 
-def _joined(
-    lower: Lowering,
-    equation: core.JaxprEqn,
-    *arrays: Array,
-    join: Join,
-) -> list[Array]:
+def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
     """Return one array with the elements of several arrays."""
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
@@ -109,7 +102,7 @@ def _joined(
     return [memory]
 
 
-def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array) -> list[Array]:
+def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
@@ -128,13 +121,13 @@ def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array)
     return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
 
 
-def _iota(lower: Lowering, equation: core.JaxprEqn) -> list[Array]:
+def _iota(lower: Lowering, equation: Equation) -> list[Array]:
     aval = aval_of(equation.outvars[0])
     numbers = np.indices(aval.shape)[equation.params["dimension"]]
     return [lower.constant(numbers.astype(aval.dtype))]
 
 
-def _nonempty(equation: core.JaxprEqn) -> ShapedArray:
+def _nonempty(equation: Equation) -> ShapedArray:
     """Return shape and dtype of an equation's argument, which must have elements."""
     aval = aval_of(equation.invars[0])
     if not aval.size:
@@ -142,7 +135,7 @@ def _nonempty(equation: core.JaxprEqn) -> ShapedArray:
     return aval
 
 
-def _reduce(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
+def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
     """Return the array in which the elements along some axes are combined to one.
 
     **Arguments:** `name`: primitive that combines two elements.
@@ -196,7 +189,7 @@ def _cumulate_memory(
     return ops.loop(start, lambda carries: ops.emit("ilt", "b", carries[0], end), body)
 
 
-def _cumulate(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str) -> list[Array]:
+def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
     """Return the array of intermediate results of combining the elements along an axis.
 
     **Arguments:** `name`: primitive that combines two elements.
@@ -221,9 +214,7 @@ def _cumulate(lower: Lowering, equation: core.JaxprEqn, array: Array, name: str)
     return [lower.array(values.ravel().tolist(), tuple(aval.shape))]
 
 
-def _arg_extreme(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, compare: str
-) -> list[Array]:
+def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
     """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
@@ -244,9 +235,7 @@ def _arg_extreme(
     return [lower.array(indices, tuple(out.shape))]
 
 
-def _dot_general(
-    lower: Lowering, equation: core.JaxprEqn, first: Array, second: Array
-) -> list[Array]:
+def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):
         raise UnsupportedPrimitiveError("dot_general of large arrays")

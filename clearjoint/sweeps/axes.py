@@ -192,13 +192,14 @@ def lanes_of(
         columns = _columns_by_setters(scene, base, changes, values)
     else:
         columns = _columns_by_functions(scene, state, changes, values, bad)
-    changed = tuple(column is not None for column in columns)
-    count, scene_leaves = len(next(iter(values.values()))), len(jax.tree.leaves(scene))
+    changed = tuple(k in columns for k in range(len(base)))
+    scene_leaves = len(jax.tree.leaves(scene))
     # The constructors' checks run in Python, lane by lane, because their messages go to the user.
     # Lanes that native code has found to be valid are skipped.
     for lane in np.flatnonzero(~_known_valid(scene, state, columns)).tolist():
-        pairs = zip(base, columns, strict=True)
-        leaves = [leaf if c is None else np.asarray(c[lane]) for leaf, c in pairs]
+        leaves = [
+            np.asarray(columns[k][lane]) if k in columns else leaf for k, leaf in enumerate(base)
+        ]
         scene_and_state = jax.tree.unflatten(structure, leaves)
         try:
             recheck_changes(scene_and_state, structure, changed)
@@ -208,32 +209,30 @@ def lanes_of(
             bad.setdefault(lane, str(error))
     # Bad lanes don't run. They get the base values, so that NaN doesn't reach computations for all
     # lanes, and a number that only bad lanes change counts as constant.
-    for column, leaf in zip(columns, base, strict=True):
-        if column is not None:
-            column[list(bad)] = leaf
-    differs = [
-        column is not None and bool((column != leaf).any())
-        for column, leaf in zip(columns, base, strict=True)
-    ]
-    scenes = [c if d else None for c, d in zip(columns, differs, strict=True)][:scene_leaves]
+    for k, column in columns.items():
+        column[list(bad)] = base[k]
+    differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
+    varied = differs[:scene_leaves]
+    scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
+    count = len(next(iter(values.values())))
     states = [
-        np.broadcast_to(leaf, (count, *np.shape(leaf))) if c is None else c
-        for c, leaf in zip(columns[scene_leaves:], base[scene_leaves:], strict=True)
+        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k]))))
+        for k in range(scene_leaves, len(base))
     ]
-    scene_structure = jax.tree.structure(scene)
+    scene_structure, state_structure = map(jax.tree.structure, (scene, state))
     return Lanes(
         scene,
         state,
-        jax.tree.unflatten(scene_structure, differs[:scene_leaves]),
+        jax.tree.unflatten(scene_structure, varied),
         jax.tree.unflatten(scene_structure, scenes),
-        jax.tree.unflatten(jax.tree.structure(state), states),
+        jax.tree.unflatten(state_structure, states),
         dict(sorted(bad.items())),
     )
 
 
-Columns = list[np.ndarray | None]
-"""For each leaf of (scene, state), in the order of `jax.tree.leaves`, its values in all lanes,
-(lanes, ...); ``None`` for a leaf that no axis changes."""
+Columns = dict[int, np.ndarray]
+"""Values in all lanes, (lanes, ...), of each leaf of (scene, state) that an axis changes, by the
+index of the leaf in the order of `jax.tree.leaves`."""
 
 
 def _columns_by_setters(
@@ -251,18 +250,16 @@ def _columns_by_setters(
     - `changes`: by name of the axis, its `NumberSetter`.
     - `values`: by name of the axis, its values in every lane, (lanes,).
     """
-    columns: Columns = [None] * len(base)
+    columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
         assert isinstance(setter, NumberSetter)
         for number in setter.numbers:
             # `base` has the leaves of the scene first, then those of the state.
             k = number.leaf if setter.in_scene else scene_leaves + number.leaf
-            row, column = values[name], columns[k]
-            if column is None:
-                column = np.repeat(np.asarray(base[k], float)[None], len(row), axis=0)
-            column[(slice(None), *number.component)] = row
-            columns[k] = column
+            if k not in columns:
+                columns[k] = np.repeat(np.asarray(base[k], float)[None], len(values[name]), axis=0)
+            columns[k][(slice(None), *number.component)] = values[name]
     return columns
 
 
@@ -287,25 +284,23 @@ def _columns_by_functions(
                     changed = change(*changed, values[name][lane])
             leaves, changed_structure = jax.tree.flatten(changed)
             pairs = zip(leaves, base, strict=False)
-            require(
-                # All lanes run in one compiled program, which needs equal structure and shapes.
-                changed_structure == structure
-                and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
-                "axes",
-                "a change of the structure",
-                "functions that change numbers only",
-                "keep the names, kinds and shapes of arrays of scene and state in all lanes",
+            # All lanes run in one compiled program, which needs equal structure and shapes.
+            alike = changed_structure == structure and all(
+                a is b or np.shape(a) == np.shape(b) for a, b in pairs
             )
+            given, expected = "a change of the structure", "functions that change numbers only"
+            remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
+            require(alike, "axes", given, expected, remedy)
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
-    return [
-        None
-        if all(value is leaf or np.array_equal(value, leaf) for value in column)
-        else np.stack(column)
-        for column, leaf in zip(zip(*rows, strict=True), base, strict=True)
-    ]
+    by_leaf = enumerate(zip(zip(*rows, strict=True), base, strict=True))
+    return {
+        k: np.stack(column)
+        for k, (column, leaf) in by_leaf
+        if not all(value is leaf or np.array_equal(value, leaf) for value in column)
+    }
 
 
 FEW = 16
@@ -319,17 +314,17 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     ``False`` means that the lane must be checked in Python; its values may be valid. The array is
     empty if no leaf changes.
     """
-    varied = [column for column in columns if column is not None]
-    if not varied:
+    if not columns:
         return np.ones(0, bool)
-    unknown = np.zeros(len(varied[0]), bool)
+    unknown = np.zeros(len(next(iter(columns.values()))), bool)
     if len(unknown) <= FEW:
         return unknown
-    changed = tuple(column is not None for column in columns)
+    changed = tuple(k in columns for k in range(len(jax.tree.leaves((scene, state)))))
     # User-defined elements may have checks that can't be compiled, and a check may raise an error
     # about something other than numbers. All lanes are then checked in Python.
     with suppress(UnsupportedPrimitiveError, ValueError):
-        valid = _checks.rows((scene, state, changed), [*columns, *[None] * len(changed)])
+        per_leaf = [columns.get(k) for k in range(len(changed))]
+        valid = _checks.rows((scene, state, changed), [*per_leaf, *[None] * len(changed)])
         return unknown if valid is None else valid
     return unknown
 

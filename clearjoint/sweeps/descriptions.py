@@ -114,16 +114,10 @@ def identifying_settings(settings: Settings, start_time: float) -> dict[str, str
 
     **Arguments:** `start_time`: s.
     """
-    numbers = {
-        "start_time": start_time,
-        "rtol": settings.rtol,
-        "atol": settings.atol,
-        "landing_tolerance": settings.landing_tolerance,
-        "ledger": settings.ledger,
-        "max_steps": settings.max_steps,
-        "program": "native" if is_native() else f"XLA, {jax.default_backend()}",
-    }
-    return described(numbers) | versions()
+    names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
+    values = {name: getattr(settings, name) for name in names}
+    program = "native" if is_native() else f"XLA, {jax.default_backend()}"
+    return described({"start_time": start_time, **values, "program": program}) | versions()
 
 
 def notes_for_readers(
@@ -139,14 +133,11 @@ def notes_for_readers(
     numbers of the lanes (see `clearjoint.sweeps.store.program`).
     """
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
+    names = ("solver", "controller", "first_step", "stabilisation", "redundant")
     choices = {
         "end_time": end_time,
-        "solver": settings.solver,
-        "controller": settings.controller,
-        "first_step": settings.first_step,
+        **{name: getattr(settings, name) for name in names},
         "method: coordinates": settings.coordinates,
-        "stabilisation": settings.stabilisation,
-        "redundant": settings.redundant,
         **{f"output {name}": output for name, output in outputs.items()},
     }
     return {

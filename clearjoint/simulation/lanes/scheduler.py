@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...compilation.clock import begins_a_program, program_is_made_inside
+from ...compilation.tracing import begins_a_program, program_is_made_inside
 from ...math.vectors import pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
