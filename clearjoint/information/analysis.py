@@ -83,6 +83,7 @@ class Identifiability:
         return self._where(early)
 
     def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
+        """Return the identifiability by some samples only."""
         sensors, times = self.sensors[chosen], self.sample_times[chosen]
         return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 

@@ -180,6 +180,7 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
+    """Return the end of a record, given in s, as text in ms."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 

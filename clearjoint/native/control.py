@@ -95,21 +95,13 @@ def _if_any(
 
     def compute() -> list[Value]:
         with lower.ops.masked(condition):
-            results[:] = lower.inline(branch, _separate(arguments))
+            results[:] = lower.inline(branch, arguments)
         return lower.flatten(results)
 
     def leave_out() -> list[Value]:
         return [lower.ops.constant(lower.ops.kinds[v], 0) for v in lower.flatten(results)]
 
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
-
-
-def _separate(arguments: Sequence[Array]) -> list[Array]:
-    """Return the arguments for one of two branches.
-
-    Descriptions of arrays in memory are copied, since each branch marks its own as not owned.
-    """
-    return [replace(a) if isinstance(a, InMemory) else a for a in arguments]
 
 
 def _branch(
@@ -124,7 +116,7 @@ def _branch(
 
     def build(branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
         def compute() -> list[Value]:
-            results = lower.inline(branch, _separate(arguments))
+            results = lower.inline(branch, arguments)
             if not first_results:
                 first_results[:] = results
                 return lower.flatten(results)

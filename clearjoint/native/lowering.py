@@ -65,7 +65,7 @@ class Packed:
     value: Value
 
 
-@dataclass
+@dataclass(frozen=True)
 class InMemory:
     """An array in memory.
 
@@ -433,6 +433,7 @@ class Lowering:
         return [self._atom(atom, known) for atom in opened.outvars]
 
     def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
+        """Return the array of a variable, or of a number in a jaxpr."""
         if not isinstance(atom, core.Literal):
             return known[atom]
         if np.ndim(atom.val) == 0:
@@ -450,21 +451,21 @@ class Lowering:
     ) -> None:
         """Add an equation to the program and its results to `known`.
 
-        It is also decided here which arrays in memory may be overwritten.
+        Arrays in memory are marked as owned if later equations may overwrite them.
 
         **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
         the last equation that reads each variable; `number`: number of this equation.
         """
         arguments: list[Array] = []
-        live: list[InMemory] = []
+        kept: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, known)
             if isinstance(array, InMemory):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
-                dies = last_reads[atom] == number and list(equation.invars).count(atom) == 1
-                if not dies:
-                    live.append(array)
+                is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
+                if not is_last:
+                    kept[atom] = array
                     array = replace(array, owned=False)
             arguments.append(array)
         try:
@@ -477,18 +478,19 @@ class Lowering:
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
-        # A result may be a view of an argument, or of the same cells as another result: then
-        # neither of the two may be overwritten.
+        # A result may be in the same cells as an argument or as another result. Then neither of the
+        # two may be overwritten.
         starts = Counter(out.start for out in outs if isinstance(out, InMemory))
-        for array in live:
+        for atom, array in kept.items():
             if array.start in starts:
-                array.owned = False
+                known[atom] = replace(array, owned=False)
         for variable, out in zip(equation.outvars, outs, strict=True):
             if isinstance(out, InMemory) and starts[out.start] > 1:
                 out = replace(out, owned=False)
             known[variable] = out
 
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
+        """Add an equation to the program by the rule of its primitive, and return its results."""
         name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:
@@ -545,6 +547,7 @@ class Lowering:
         return self.unflatten(new, function.results)
 
     def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
+        """Add an equation that works element by element, and return its result."""
         aval, name, ops = aval_of(equation.outvars[0]), equation.primitive.name, self.ops
         kind, shape = kind_of(aval), tuple(aval.shape)
         parameter = equation.params[PARAMETERS[name]] if name in PARAMETERS else None

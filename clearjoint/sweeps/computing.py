@@ -75,6 +75,7 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
 ) -> None:
+    """Compute chunks on an executor and write them to the store."""
     missing = chunks.lanes
 
     def on_done(chunk: int, results: LaneArrays) -> None:
@@ -102,6 +103,10 @@ def _by_threads(
     threads: int | None,
     bar: tqdm,
 ) -> None:
+    """Compute lanes in threads of this process and write them to the store.
+
+    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk.
+    """
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -152,6 +157,7 @@ class _Writer:
         self.write_if_due()
 
     def _lanes_waiting(self, chunk: int) -> int:
+        """Return the number of lanes of a chunk that have ended and are not yet written."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
@@ -171,6 +177,7 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _write(self, chunk: int) -> None:
+        """Write the lanes of a chunk that have ended."""
         lanes, results = concatenated(self._waiting.pop(chunk))
         self._store.write(chunk, lanes.tolist(), results)
         self._unwritten[chunk] -= len(lanes)

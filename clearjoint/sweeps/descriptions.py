@@ -61,6 +61,7 @@ def variables_of(
 
 
 def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, Variable]:
+    """Return the variables of one output by name."""
     if isinstance(output, StatesOfLanes):
         return _states(scene, name, "of the bodies", (variable_name(name, "time"), output.times))
     if isinstance(output, AbstractReduction):

@@ -172,6 +172,7 @@ def sweep(
 
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:
+    """Raise a `ValueError` unless `axes` is a dictionary of axes by name."""
     remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
     require_array_names("axes", axes, remedy)
     for name, axis in axes.items():

@@ -71,6 +71,7 @@ class Work:
         return batch
 
     def _results(self, ended: Ended) -> LaneArrays:
+        """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
@@ -141,6 +142,7 @@ class Chunks:
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
+        """Raise a `RuntimeError` if this process would run other programs than those of `work`."""
         expected = self.work.common.programs
         if self.trace is None or expected in _confirmed_programs:
             return
