@@ -19,7 +19,7 @@ from ..scene_files.files import scene_of_document
 from ..scene_files.formats import Document, read_document
 from ..scene_files.locations import FileLocation, Keys, existing, keys_of, listed, written
 from ..scene_files.reading import Reader
-from ..simulation.reductions.reductions import AbstractReduction
+from ..simulation.reductions.base import AbstractReduction
 from ..simulation.run.sections import Section
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings

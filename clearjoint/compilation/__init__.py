@@ -2,10 +2,10 @@
 
 - `Compiled` and `HostFirst` wrap functions that XLA compiles; `traced_once` wraps functions that
   are called several times while JAX traces.
-- `keep_programs` switches on or off that whole native programs are saved for other processes, and
-  `keeps_programs` returns whether they are; `prepare_folder` makes a folder for them.
+- `keep_programs` sets whether whole native programs are saved for other processes, and
+  `keeps_programs` returns it; `prepare_folder` makes a folder for them.
 - `program_of` returns the jaxpr of a function.
-- `seconds_of_compiling` returns for how long a program has been compiling.
+- `seconds_of_compiling` returns the time for which a program has been compiling.
 - `remember_contents` is called once, at the end of the import of the package (see `package_code`).
   `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.
 """
@@ -14,11 +14,11 @@
 from .package_code import remember_contents as remember_contents
 
 # isort: split
-from .clock import seconds_of_compiling as seconds_of_compiling
 from .program_store import keep_programs as keep_programs
 from .program_store import keeps_programs as keeps_programs
 from .program_store import prepare_folder as prepare_folder
 from .tracing import program_of as program_of
+from .tracing import seconds_of_compiling as seconds_of_compiling
 from .tracing import traced_once as traced_once
 from .xla import Compiled as Compiled
 from .xla import HostFirst as HostFirst

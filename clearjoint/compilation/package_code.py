@@ -1,9 +1,9 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
-The digest is that of the files at the time when the import of the package began. It is refused if
-the files have changed since then, because the package was upgraded or edited while the process ran,
-or if a function, class or constant of the package was replaced after the import. This module
-imports only Python's standard library, so that it can be imported before all others.
+The digest is that of the files at the time when the import of the package began. An error is raised
+instead if the files have changed since then, because the package was upgraded or edited while the
+process ran, or if a function, class or constant of the package was replaced after the import. This
+module imports only Python's standard library, so that it can be imported before all others.
 """
 
 import hashlib
@@ -16,35 +16,13 @@ from collections.abc import Mapping
 from operator import is_
 
 PACKAGE = __name__.split(".")[0]
+"""Name of this package."""
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
-"""Modules of other packages in which replaced functions are noticed as well."""
+"""Modules of other packages in which replaced functions are noticed too."""
 _OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
 """Modules of this package whose variables change while a process runs. Programs do not depend on
 these variables."""
-
-_BOOKKEEPING = frozenset(
-    {
-        "__abstractclassvars__",
-        "__abstractmethods__",
-        "__abstractvars__",
-        "__annotations__",
-        "__annotations_cache__",
-        "__dataclass_fields__",
-        "__dataclass_params__",
-        "__dict__",
-        "__doc__",
-        "__match_args__",
-        "__module__",
-        "__orig_bases__",
-        "__parameters__",
-        "__slotnames__",
-        "__slots__",
-        "__weakref__",
-        "_abc_impl",
-    }
-)
-"""Attributes of classes that do not affect results. Python adds some of them after the import."""
 
 
 class ChangedCodeError(Exception):
@@ -57,7 +35,7 @@ class _State:
     - `lock`: held while `source_digest` reads and updates this record.
     - `files`: size, times and inode of each source file when the import began; see `_files`.
     - `names`: for each module, the names that it defined when the import ended. Names that are
-      added later belong to other code and are not compared.
+      added later belong to code of others, and are not compared.
     - `contents`: the objects with these names when the import ended; see `_contents`.
     - `digest`: digest of the source files; ``None`` until it is first computed.
     - `modules`: number of loaded modules of the package when `files` were last compared with the
@@ -96,8 +74,7 @@ def remember_contents() -> None:
 
 
 def is_remembered(module: str) -> bool:
-    """Return whether the contents of a module, given by its name, were recorded, so that changes in
-    it are noticed."""
+    """Return whether changes in a module, given by its name, are noticed."""
     return module in _STATE.names
 
 
@@ -116,6 +93,7 @@ def source_digest() -> str:
 
 
 def _is_as_imported() -> bool:
+    """Return whether the source files and the objects of the package are those of its import."""
     if not _STATE.names or not _STATE.files:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)
@@ -132,8 +110,10 @@ def _is_as_imported() -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Return size, times of change and inode of each source file, by path; writing a file changes
-    them."""
+    """Return size, times of change and inode of each source file, by path.
+
+    They change if the file is written.
+    """
     states, folders = {}, [_FOLDER]
     while folders:
         with os.scandir(folders.pop()) as entries:
@@ -156,11 +136,12 @@ def _digest(paths: dict[str, tuple[int, ...]]) -> str:
 
 
 def _contents(names: Mapping[str, list[str]]) -> list[object]:
-    """Return, as one list, the values of names in modules and the parts of these values that may be
-    replaced: attributes of classes, items of dictionaries and lists, code and defaults of
+    """Return the values of names in modules, and the replaceable parts of these values, as a list.
+
+    Such parts are attributes of classes, items of dictionaries and lists, and code and defaults of
     functions.
 
-    **Arguments:** `names`: the names to look up, by name of module.
+    **Arguments:** `names`: the names to look up, by name of the module.
     """
     contents: list[object] = []
     for module, names_of_module in names.items():
@@ -169,7 +150,7 @@ def _contents(names: Mapping[str, list[str]]) -> list[object]:
             # A class can be imported into many modules; its attributes are recorded once only.
             if isinstance(value, type) and _is_listed_in(module, value):
                 members = vars(value)
-                attributes = sorted(members.keys() - _BOOKKEEPING)
+                attributes = sorted(name for name in members if _is_code(name, members[name]))
                 contents += attributes
                 values += map(members.get, attributes)
         contents += values
@@ -182,6 +163,17 @@ def _contents(names: Mapping[str, list[str]]) -> list[object]:
             elif isinstance(value, list):
                 contents += value
     return contents
+
+
+def _is_code(name: str, member: object) -> bool:
+    """Return whether an attribute of a class may affect results.
+
+    Python and decorators of classes add attributes with two underscores, some of them after the
+    import. Of these, only functions count.
+    """
+    if not name.startswith("__"):
+        return name != "_abc_impl"
+    return callable(member) or isinstance(member, classmethod | staticmethod | property)
 
 
 def _is_listed_in(module: str, cls: type) -> bool:

@@ -1,8 +1,8 @@
-"""Digests of values that consist only of numbers, strings, arrays, and classes of known packages.
+"""Digests of values that consist only of numbers, texts, arrays, and code of known packages.
 
-For such a value, the source files of the package and the fields of the value determine the program
-that is compiled. Values that contain functions, classes or instances from elsewhere are refused,
-since their source is not known.
+The program that is compiled for such a value is determined by the fields of the value and the
+sources of these packages. Values that contain functions, classes or instances from elsewhere are
+refused, since their sources are not known.
 """
 
 import dataclasses
@@ -19,8 +19,8 @@ import numpy as np
 from .package_code import PACKAGE, is_remembered
 
 NUMERIC = ("diffrax", "equinox", "lineax", "optimistix")
-"""Packages whose classes and functions (solvers, controllers, norms) are accepted like those of
-this package. They are written in Python, and their versions identify their sources."""
+"""Packages whose classes and functions, such as solvers and norms, are accepted like those of this
+package. Their versions identify their sources."""
 _DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
 """Types whose values are identified by their `repr`."""
 _BASES = ("abc", "collections.abc", "enum", "typing")
@@ -32,7 +32,7 @@ class NotPlainError(Exception):
 
 
 def digest_of(value: object) -> str:
-    """Return the digest of a value, equal in all processes for equal values.
+    """Return the digest of a value, which is the same in all processes for equal values.
 
     **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays,
     tuples, lists and dictionaries, and of functions, classes and their instances that are members
@@ -86,8 +86,8 @@ def _array(array: np.ndarray) -> object:
 def _named(value: object) -> object:
     """Return a tuple with module and qualified name of a function or class.
 
-    **Raises:** `NotPlainError` if the module is not of an accepted package, or does not have the
-    value, or a wrapper of it, under that name.
+    **Raises:** `NotPlainError` if the module is not of an accepted package, or if it does not have
+    the value, or a wrapper of the value, under that name.
     """
     module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
     package = str(module).split(".")[0]

@@ -1,6 +1,6 @@
-"""Files of compiled programs in a folder of bounded size, found by keys.
+"""Files of compiled programs by key, in a folder of bounded size.
 
-The folder lies in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
+The folder is in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
 whoever can write to the folder can have code executed by whoever reads from it. The folder is
 therefore made accessible to its owner only, and a folder to which others may write is not used.
 """
@@ -16,17 +16,18 @@ from pathlib import Path
 import jax
 
 MOST_BYTES = 1_000_000_000
-"""Total size of all files, in bytes, above which the files that have not been used for longest are
-removed."""
+"""Largest total size of the files, in bytes. In a larger folder, the files that have not been used
+for longest are removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
 _DIGEST = 20
 """Length in bytes of the digest in front of each file's content."""
 _is_on = False
+"""Whether whole native programs are saved."""
 
 
 def keep_programs(keep: bool = True) -> None:
-    """Switch on or off that whole native programs are saved in JAX's compilation cache.
+    """Set whether whole native programs are saved in JAX's compilation cache.
 
     Their machine code is saved in any case.
     """
@@ -35,13 +36,12 @@ def keep_programs(keep: bool = True) -> None:
 
 
 def keeps_programs() -> bool:
-    """Return whether whole native programs are saved, see `keep_programs`."""
+    """Return whether whole native programs are saved; see `keep_programs`."""
     return _is_on
 
 
 def cache_in_use() -> Path | None:
-    """Return the local folder of JAX's compilation cache, or ``None`` if the cache is off or
-    remote."""
+    """Return the folder of JAX's compilation cache; ``None`` if it is off or on another machine."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -49,7 +49,7 @@ def cache_in_use() -> Path | None:
 
 
 def prepare_folder(folder: Path) -> str | None:
-    """Make a folder that only its owner may enter, if it does not exist.
+    """Make a folder that only its owner may enter, unless it exists.
 
     **Returns:** ``None`` if the folder may be used, else a message with the reason and the remedy.
 
@@ -88,15 +88,20 @@ def is_private(folder: Path) -> bool:
 
 
 class ProgramStore:
-    """Folder of compiled programs, one file for each key, of at most `most_bytes` bytes in
-    total."""
+    """Folder of compiled programs, with a file for each key.
+
+    **Arguments:** `folder`: path of the folder; `most_bytes`: largest total size of its files.
+    """
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
 
     def read(self, key: str) -> bytes | None:
-        """Return the content that was written under a key, or ``None`` if there is none, if it is
-        damaged, or if other users may write to the folder."""
+        """Return the content that was written under a key.
+
+        **Returns:** the content; ``None`` if there is none, if it is damaged, or if other users may
+        write to the folder.
+        """
         path = self._path(key)
         try:
             if not is_private(self._folder):
@@ -106,7 +111,7 @@ class ProgramStore:
         except (OSError, zlib.error):
             return None
         with suppress(OSError):
-            # The time of the last use, which cannot be set in a read-only folder.
+            # Set the time of the last use, which is not possible in a read-only folder.
             os.utime(path)
         return content if whole[:_DIGEST] == _digest(key, content) else None
 
@@ -136,12 +141,9 @@ class ProgramStore:
         return self._folder / f"{key}{_SUFFIX}"
 
     def _remove_oldest(self) -> None:
-        """Remove the files that have not been used for longest, until the total size is small
-        enough.
-
-        Another process may do so at the same time, so files may disappear meanwhile.
-        """
+        """Remove files until the total size is small enough, those not used for longest first."""
         files = []
+        # Another process may remove files at the same time.
         for path in self._folder.iterdir():
             with suppress(OSError):
                 status = path.stat()

@@ -1,16 +1,21 @@
-"""Tracing of functions by JAX.
+"""Tracing of functions by JAX, and the time for which a program has been compiling.
 
 Python's garbage collector is off while JAX traces. Tracing makes a hundred thousand objects that
 stay in use. The collector would visit them repeatedly and free nothing, which would take a third of
 the time.
+
+A program counts as being compiled from the first traced line until its call returns. The call
+returns once the program has been started; the program itself then runs on the device.
 """
 
 import gc
+import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache, partial
-from typing import TypeVar
+from functools import cache, partial, wraps
+from typing import ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
@@ -18,16 +23,32 @@ from jax.extend.core import ClosedJaxpr, get_opaque_trace_state
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
+Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+_began: dict[int, float] = {}
+"""Time at which each thread, by its identifier, began to compile a program, in s of
+`time.monotonic`."""
+CALLS = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "closed_call": "call_jaxpr",
+    "core_call": "call_jaxpr",
+    "eval_jaxpr": "call_jaxpr",
+    "checkpoint": "jaxpr",
+    "remat2": "jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+    "custom_vjp_call_jaxpr": "fun_jaxpr",
+}
+"""Primitives that only call a jaxpr, each with the name of its parameter that holds this jaxpr."""
 
 
 def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Wrap a function of PyTrees so that JAX traces it once for all arguments of the same
-    structure.
+    """Wrap a function of PyTrees so that JAX traces it once for arguments of the same structure.
 
-    Leaves that are no arrays must be hashable, and a new value of one is a new trace. The jaxpr is
-    discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in which a
-    global variable that the function reads may have changed.
+    Leaves that are not arrays must be hashable; the function is traced again for other values of
+    them. The jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next
+    run, in which a global variable that the function reads may have changed.
     """
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
@@ -50,8 +71,8 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
     """Return the jaxpr of a function for given arguments, and the shapes of its result as a PyTree.
 
-    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are one equation without an inner
-    jaxpr until JAX lowers it. Here such operations are expanded to their own equations.
+    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
+    lowers the jaxpr. Here they are expanded to the equations of which they consist.
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
@@ -61,7 +82,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Switch Python's garbage collector off within the context, unless it is off already."""
+    """Switch off Python's garbage collector within the context, unless it is off already."""
     if not gc.isenabled():
         yield
         return
@@ -73,7 +94,7 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX traces a function in this thread."""
+    """Return whether JAX is tracing a function in this thread."""
     return get_opaque_trace_state() != _state_without_trace()
 
 
@@ -82,3 +103,38 @@ def _state_without_trace() -> object:
     # A new thread traces nothing, even if the caller is being traced.
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(get_opaque_trace_state).result()
+
+
+def seconds_of_compiling() -> float:
+    """Return for how long a program has been traced and compiled, s; zero if there is none.
+
+    If several threads compile programs, the longest time is returned.
+    """
+    times = list(_began.values())
+    return time.monotonic() - min(times) if times else 0.0
+
+
+def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Wrap a function that JAX traces, so that the time of compiling begins when it is called."""
+
+    @wraps(function)
+    def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        _began.setdefault(threading.get_ident(), time.monotonic())
+        return function(*arguments, **options)
+
+    return traced
+
+
+@contextmanager
+def program_is_made_inside() -> Iterator[None]:
+    """Within the context, a program may be compiled; the time of compiling ends with the context.
+
+    If contexts are nested, the time ends with the outermost one.
+    """
+    thread = threading.get_ident()
+    is_inner = thread in _began
+    try:
+        yield
+    finally:
+        if not is_inner:
+            _began.pop(thread, None)

@@ -11,41 +11,39 @@ from jax.core import Tracer
 from jax.experimental.xla_metadata import set_xla_metadata
 from jaxtyping import PyTree
 
-from .clock import begins_a_program, program_is_made_inside
-from .tracing import collector_at_rest, is_tracing
+from .tracing import begins_a_program, collector_at_rest, is_tracing, program_is_made_inside
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options: LLVM's first level of optimisation compiles faster than its third."""
+"""XLA's compiler options: LLVM's level of optimisation is 1, which compiles faster than 3."""
 _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 """Attributes of a call that make XLA's CPU compiler compile it as a function of its own."""
 
 
 class Compiled(Generic[Arguments, Result]):
-    """Function that is compiled at its first call, as by `equinox.filter_jit`.
+    """Function that XLA compiles at its first call, as by `equinox.filter_jit`.
 
-    A change of anything other than the values of arrays in the arguments compiles a further
+    A change of anything other than the numbers of arrays in the arguments compiles a further
     program. JAX's cache on disk saves compiled programs. Python's garbage collector is off during a
     call; see `.tracing`.
+
+    **Arguments:** `function`: function of PyTrees that JAX can trace.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result]):
         traced = begins_a_program(function)
-        # JAX accepts compiler options for outermost programs only.
+        # JAX accepts compiler options only for programs that are not part of another one.
         self._inner = eqx.filter_jit(traced)
-        self._outermost = eqx.filter_jit(  # pyright: ignore
-            traced, compiler_options=OPTIONS
-        )
+        self._outermost = eqx.filter_jit(traced, compiler_options=OPTIONS)  # pyright: ignore
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, compiling a program first if none fits the arguments."""
         with collector_at_rest(), program_is_made_inside():
-            # Within another program, this function is a part of it, for which JAX refuses compiler
-            # options.
+            # While JAX traces another program, this function becomes a part of that program.
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 
@@ -55,11 +53,13 @@ class Compiled(Generic[Arguments, Result]):
 
 
 class HostFirst(Generic[Arguments, Result]):
-    """Function of PyTrees that NumPy computes if it can, and otherwise a compiled program.
+    """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
 
-    It serves for functions that are called once or twice in a run: NumPy takes milliseconds for
-    some hundred scalar operations, but XLA takes half a second to compile them. NumPy cannot
-    compute a function that needs JAX, for instance for a derivative.
+    It serves for functions that are called once or twice in a run. NumPy takes milliseconds for
+    some hundred scalar operations, but XLA takes half a second to compile them. NumPy can't compute
+    a function that needs JAX, for instance for a derivative.
+
+    **Arguments:** `function`: function of PyTrees of scalars and arrays.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -70,8 +70,8 @@ class HostFirst(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result; where NumPy has failed once, arguments of the same
-        structure are not tried again."""
+        """Return the function's result."""
+        # NumPy is not tried again for a structure of arguments for which it has failed once.
         structure = jax.tree.structure((arguments, options))
         if structure not in self._need_jax:
             results = self._by_numpy(*jax.tree.map(_on_host, (arguments, options)))
@@ -94,8 +94,8 @@ class HostFirst(Generic[Arguments, Result]):
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:
-                # Under `eval_shape` any operation of JAX, even on known numbers, gives a tracer, by
-                # which it is detected, and nothing is compiled.
+                # Under `eval_shape`, an operation of JAX is not compiled. It returns a tracer, also
+                # for known numbers, by which it is detected.
                 jax.eval_shape(lambda: results.append(function(*arguments, **options)))
             except Exception:
                 return []
@@ -109,11 +109,10 @@ def _on_host(leaf: PyTree) -> PyTree:
 def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap a function of PyTrees so that XLA's CPU compiler compiles it as one function.
 
-    Otherwise XLA starts a kernel for each fusion of operations, and recomputes in each kernel what
+    Otherwise XLA starts a kernel for each group of operations, and recomputes in each kernel what
     several of them need. A step of a run, with some thousand operations on scalars, would then take
     forty times as long, and ten times as long to compile. On other devices the function is not
-    changed. The wrapper uses `set_xla_metadata`, which gives attributes to a call and is
-    experimental in JAX.
+    changed. `set_xla_metadata`, which gives attributes to a call, is experimental in JAX.
     """
     call = eqx.filter_jit(function)
 

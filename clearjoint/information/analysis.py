@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..fields.checks import require
 from ..model.bodies import State
@@ -29,30 +29,20 @@ ACCURACY_OF_DERIVATIVES = 1e3
 
 
 @dataclass(frozen=True)
-class SensorDerivatives:
-    """Derivatives of a sensor's samples by the coordinates of p parameters.
-
-    - `times`: (N,) s.
-    - `rows`: (N, channels, p), derivatives divided by the noise of the sample.
-    """
-
-    times: Float[np.ndarray, " N"]
-    rows: Float[np.ndarray, "N channels p"]
-
-
-@dataclass(frozen=True)
 class Identifiability:
     """Accuracy with which data from sensors can determine parameters.
 
     Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
-    small normal noise, for which outputs are linear in the parameters over the deviations. `of`
-    selects sensors, and `until` shortens the record. A coordinate is a parameter's value on its
-    scale, such as the logarithm of the value.
+    normal noise that is so small that outputs are linear in the parameters over the deviations.
+    `of` selects sensors, and `until` shortens the record. A coordinate is a parameter's value on
+    its scale, such as the logarithm of the value.
 
     - `names`: names of the p parameters, in the order of all arrays.
     - `scales`: scale of each parameter.
     - `coordinates`: (p,) coordinates at which the run was computed.
-    - `records`: by name of the sensor, derivatives of its samples.
+    - `sensors`: (M,) name of the sensor of each sample, for the M samples of all channels.
+    - `sample_times`: (M,) s, time of each sample, rising.
+    - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
     - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
       relative effect count as undetermined.
 
@@ -66,7 +56,9 @@ class Identifiability:
     names: tuple[str, ...]
     scales: tuple[AbstractScale, ...]
     coordinates: Float[np.ndarray, " p"]
-    records: dict[str, SensorDerivatives]
+    sensors: np.ndarray
+    sample_times: Float[np.ndarray, " M"]
+    rows: Float[np.ndarray, "M p"]
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
@@ -74,35 +66,36 @@ class Identifiability:
 
         **Raises:** `ValueError` for an unknown name, and without names.
         """
+        known = sorted(set(self.sensors.tolist()))
         for name in sensors:
-            known = f"among {sorted(self.records)}"
-            require(name in self.records, "sensors", name, known, "correct the name")
+            require(name in known, "sensors", name, f"among {known}", "correct the name")
         require(len(sensors) > 0, "sensors", sensors, "at least one name", "name the sensors")
-        return replace(self, records={name: self.records[name] for name in sensors})
+        return self._where(np.isin(self.sensors, sensors))
 
     def until(self, time: float) -> "Identifiability":
         """Return the identifiability by the samples up to `time`, s, only.
 
         **Raises:** `ValueError` if there are no samples up to this time.
         """
-        records = {}
-        for name, record in self.records.items():
-            early = record.times <= time
-            if early.any():
-                records[name] = SensorDerivatives(record.times[early], record.rows[early])
-        first = float(self.times[0])
-        require(len(records) > 0, "time", time, f"{first} s or later, the first sample", "raise it")
-        return replace(self, records=records)
+        early, first = self.sample_times <= time, float(self.times[0])
+        expected = f"{first} s or later, the first sample"
+        require(bool(early.any()), "time", time, expected, "raise it")
+        return self._where(early)
+
+    def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
+        """Return the identifiability by some samples only."""
+        sensors, times = self.sensors[chosen], self.sample_times[chosen]
+        return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 
     @property
     def times(self) -> Float[np.ndarray, " N"]:
-        """Times at which any sensor has a sample, (N,) s, rising."""
-        return np.unique(np.concatenate([record.times for record in self.records.values()]))
+        """Times at which any sensor has a sample, (N,) s, rising, each once."""
+        return np.unique(self.sample_times)
 
     @property
     def root(self) -> Float[np.ndarray, "p p"]:
         """Matrix R (p, p) with R^T R equal to the Fisher information of the coordinates."""
-        return information.root_of(self._rows()[1])
+        return information.root_of(self.rows)
 
     @property
     def matrix(self) -> Float[np.ndarray, "p p"]:
@@ -113,14 +106,14 @@ class Identifiability:
     def deviations(self) -> Float[np.ndarray, " p"]:
         """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
 
-        On a `Log` scale they are relative errors of the value. They are infinite for parameters
-        that the data don't determine.
+        On a `Log` scale, that of a coordinate is the relative error of the value. It is infinite
+        for a parameter that the data don't determine.
         """
         return information.together(self.root, self.accuracy)
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations of the coordinates, (p,), each if the other parameters are known."""
+        """Standard deviations of the coordinates, (p,), if all other parameters are known."""
         return information.alone(self.root)
 
     @property
@@ -147,17 +140,17 @@ class Identifiability:
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations of the coordinates, (p,), above which a parameter is not
-        identifiable.
+        """Largest standard deviations of the coordinates, (p,), of identifiable parameters.
 
-        See `AbstractScale.uninformative_std`.
+        A coordinate with a larger one carries no information, see
+        `AbstractScale.uninformative_std`.
         """
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the standard deviation of each parameter, by name, is within its limit."""
+        """Whether the standard deviation of each parameter is within its limit, by name."""
         fine = self.deviations <= self.limits
         return dict(zip(self.names, fine.tolist(), strict=True))
 
@@ -168,8 +161,7 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """Condition number of the derivatives of all samples, with columns scaled to unit
-        length."""
+        """Condition number of the derivatives of all samples, with columns of unit length."""
         return float(information.condition(self.root))
 
     @property
@@ -179,35 +171,21 @@ class Identifiability:
 
     @property
     def combinations(self) -> tuple[Combination, ...]:
-        """Combinations of the coordinates whose estimates are independent, the most accurate
-        first."""
+        """Combinations of coordinates with independent estimates, the most accurate first."""
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations of the coordinates, (N, p), for the samples up to each of
-        `times`.
+        """Return standard deviations of the coordinates, (N, p), for records up to each of `times`.
 
         All parameters are estimated together.
         """
-        sample_times, rows = self._rows()
-        ends = np.searchsorted(sample_times, self.times, side="right")
-        roots = information.roots_over(rows, ends.tolist())
+        ends = np.searchsorted(self.sample_times, self.times, side="right")
+        roots = information.roots_over(self.rows, ends.tolist())
         return information.together(roots, self.accuracy)
-
-    def _rows(self) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N p"]]:
-        """Return the times (N,), s, of all samples of all channels, and their derivatives (N, p).
-
-        Both are in the order of time. Derivatives are in units of the noise.
-        """
-        records, p = self.records.values(), len(self.names)
-        times = np.concatenate([np.repeat(r.times, r.rows.shape[1]) for r in records])
-        rows = np.concatenate([r.rows.reshape(-1, p) for r in records])
-        order = np.argsort(times, kind="stable")
-        return times[order], rows[order]
 
     def __str__(self) -> str:
         """Return tables of standard deviations, correlations and combinations, as text."""
-        sensors, times = ", ".join(self.records), self.times
+        sensors, times = ", ".join(dict.fromkeys(self.sensors.tolist())), self.times
         head = (
             f"Smallest standard deviations that data can reach: {sensors}; {len(times)} times from "
             f"{times[0]:g} to {times[-1]:g} s"
@@ -217,8 +195,8 @@ class Identifiability:
     def _bounds(self) -> list[str]:
         """Return the lines of a table with a row for each parameter.
 
-        The columns are its value, its bounds if estimated together and alone, and its correlations
-        r.
+        The columns are its value, the bounds of its standard deviation if estimated together with
+        the others and alone, and its correlations r.
         """
         rows: list[tuple[str, ...]] = [
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
@@ -261,14 +239,14 @@ def identifiability(
     *,
     start_time: float = 0.0,
 ) -> Identifiability:
-    """Compute how accurately data from sensors can determine parameters, by one run.
+    """Compute, by one run, how accurately data from sensors can determine parameters.
 
     **Arguments:**
 
     - `scene`, `state`, `start_time` s: as in `simulate`.
     - `parameters`: parameters by name, with expected values.
-    - `sensors`: `Sensor` by name, each with its times, or measured `Series` or `Measurements`,
-      whose values are not used.
+    - `sensors`: sensors (`Sensor`) by name, each with its times; or measured `Series` by name, or
+      `Measurements`, whose values are not used.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
 
     **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
@@ -284,16 +262,8 @@ def identifiability(
     settings.require_tolerances("the accuracy of derivatives depends on them")
     by_name = as_sensors(sensors, scene)
     times = times_of(by_name)
-    run = sensitivities(
-        scene,
-        state,
-        float(times[-1]),
-        parameters,
-        outputs_of(by_name),
-        times,
-        settings,
-        start_time=start_time,
-    )
+    given = parameters, outputs_of(by_name), times, settings
+    run = sensitivities(scene, state, float(times[-1]), *given, start_time=start_time)
     coordinates = coordinates_of(scene, state, parameters)
     return identifiability_from(run, parameters, coordinates, by_name, settings)
 
@@ -305,7 +275,7 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """Return the `Identifiability` from an existing run.
+    """Return the `Identifiability` of parameters from the derivatives of a run.
 
     **Arguments:**
 
@@ -316,17 +286,22 @@ def identifiability_from(
     - `sensors`: the sensors by name.
     - `settings`: settings of the run; `rtol` determines the accuracy of the derivatives.
     """
+    p, names, times, rows = len(coordinates), [], [], []
+    for name, sensor in sensors.items():
+        at = np.searchsorted(run.times, sensor.times)
+        columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+        scaled = np.stack(columns, axis=1) / sensor.noise[:, None, None]
+        rows.append(scaled.reshape(-1, p))
+        times.append(np.repeat(sensor.times, len(columns)))
+        names += [name] * len(rows[-1])
+    sample_times = np.concatenate(times)
+    order = np.argsort(sample_times, kind="stable")
     return Identifiability(
         tuple(parameters),
         tuple(parameter.scale for parameter in parameters.values()),
         coordinates,
-        {name: _derivatives(run, name, one, len(coordinates)) for name, one in sensors.items()},
+        np.array(names)[order],
+        sample_times[order],
+        np.concatenate(rows)[order],
         ACCURACY_OF_DERIVATIVES * settings.rtol,
     )
-
-
-def _derivatives(run: Sensitivities, name: str, sensor: Sensor, p: int) -> SensorDerivatives:
-    at = np.searchsorted(run.times, sensor.times)
-    columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
-    rows = np.stack(columns, axis=1) / sensor.noise[:, None, None]
-    return SensorDerivatives(sensor.times, rows)

@@ -1,8 +1,8 @@
-"""Growth of small differences: displacements of points of the bodies per unit of a parameter.
+"""Growth of small differences between motions, measured by displacements of points of the bodies.
 
-Each body has four points: its centre of mass, and one on each body axis, at the root mean square
-distance of the body's mass from that centre. A displacement is the root mean square over all
-points, in m.
+Four points of each body are used: its centre of mass, and a point on each body axis at the root
+mean square distance of the body's mass from that centre. The size of a displacement is the root
+mean square over all points, m, per unit of a parameter.
 """
 
 from collections.abc import Mapping
@@ -30,9 +30,12 @@ DIRECTION = (0.53, 0.62, 0.58)
 
 @dataclass(frozen=True)
 class _Push:
-    """Add a velocity, m/s, to every body, and a spin that gives its points a similar speed.
+    """Variation that adds a velocity, m/s, and a spin that gives points a similar speed.
 
-    The result is projected on the velocities that the ideal joints allow.
+    They are added to every body. The result is projected on the velocities that the ideal joints
+    allow.
+
+    - `radii`: pairs of a body's name and its radius of gyration, m.
     """
 
     radii: tuple[tuple[str, float], ...]
@@ -50,15 +53,15 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return the perturbation of the initial velocity as a parameter with value zero, m/s.
+    """Return a perturbation of the initial velocity, m/s, as a parameter with the value zero.
 
-    During the run, the stabilisation of drivers and of joints in closed loops counteracts it.
+    During the run, the stabilisation of drivers and of joints in closed loops reduces it.
     """
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the coordinates of the bodies' points, m, as quantities by name."""
+    """Return the coordinates of four points of each body, m, as quantities by name."""
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -81,7 +84,7 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
     """Return root mean square displacements (T, p), m, per unit of each of p parameters.
 
     **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
-    `names`: the quantities of `points`, whose names select the derivatives.
+    `names`: the quantities returned by `points`, whose names select the derivatives.
     """
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
@@ -89,12 +92,13 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate of exponential growth, 1/s, of displacements `size` from the time `since` on.
+    """Return the rate of exponential growth of displacements, 1/s.
 
-    The rate is the slope of a straight line through the logarithms of the displacements; NaN for
-    fewer than two positive displacements.
+    The rate is the slope of a straight line that is fitted to the logarithms of the displacements.
+    It is NaN for fewer than two positive displacements.
 
-    **Arguments:** `times`: (T,) s; `size`: (T,) m.
+    **Arguments:** `times`: (T,) s; `size`: (T,) m, displacements at these times; `since`: s, time
+    from which on they are used.
     """
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
@@ -103,9 +107,9 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return the root mean square distance of each body's mass from its centre of mass, by name, m.
+    """Return the root mean square distance of each body's mass from its centre, m, by name.
 
-    It follows from the trace of the inertia, which is twice the integral of the squared distance.
+    The trace of the inertia is twice the integral of the squared distance over the mass.
     """
     radii = {}
     for name, body in scene.bodies.items():

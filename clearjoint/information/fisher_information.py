@@ -1,10 +1,11 @@
 """Fisher information of independent samples with normal noise about parameters.
 
-For p parameters it is F = J^T J, with the derivatives J (rows, p) of all samples in units of their
-noise. Its inverse bounds the covariance of every unbiased estimate (Cramér and Rao), and it is the
-covariance of least squares for small noise. Computing F would lose half of the digits, and with
-them combinations that the data hardly determine. Functions therefore take a root R (p, p) with
-R^T R = F, which a QR decomposition of J gives. An argument `roots` may be a stack (..., p, p).
+For p parameters the information is F = J^T J, with the derivatives J (rows, p) of all samples in
+units of their noise. The inverse of F bounds the covariance of every unbiased estimate (Cramér and
+Rao), and it is the covariance of least squares for small noise. Computing F would lose half of the
+digits, and with them combinations that the data hardly determine. Functions here therefore take a
+root R (p, p) with R^T R = F, which follows from a QR decomposition of J. An argument `roots` may be
+a stack (..., p, p) of roots.
 """
 
 from collections.abc import Sequence
@@ -14,23 +15,24 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
-"""A combination's description omits parameters whose weight is below the first share of the largest
-weight, unless more than the second share of their variance comes from the combination."""
+"""The description of a combination omits parameters whose weight is less than `SMALL_WEIGHT` times
+the largest one, unless the combination contributes more than `SMALL_SHARE` of their variance."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return a root R (p, p) of the information: R^T R = J^T J for the derivatives `rows` J (N,
-    p)."""
-    # With p rows of zeros the root has p rows even if there are fewer samples than parameters.
+    """Return a root R (p, p) of the information, with R^T R = J^T J.
+
+    **Arguments:** `rows`: derivatives J (N, p).
+    """
+    # With p rows of zeros, the root has p rows also if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
 
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) of the information of the first samples.
+    """Return roots (T, p, p) of the information of the first rows, for T numbers of rows.
 
-    **Arguments:** `rows`: (N, p) derivatives; `ends`: T rising numbers of rows. Root k is for the
-    rows before `ends[k]`.
+    **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers of rows, rising.
     """
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
@@ -45,7 +47,7 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
     """Return lower bounds (..., p) of the standard deviations if all parameters are estimated.
 
     The bound is infinite for a parameter that is part of an undetermined combination. A combination
-    is undetermined if its singular value is below `accuracy` times the largest one, with the
+    is undetermined if its singular value is at most `accuracy` times the largest one, with the
     columns of the root scaled to unit length.
 
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
@@ -55,7 +57,7 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
     lengths, values, directions = _equilibrated(roots)
     blind = _blind(values, accuracy)[..., None]
     # A parameter is undetermined only if its part in an undetermined direction exceeds the error
-    # of that direction; the others keep a finite bound from the determined directions.
+    # of that direction. The others have finite bounds, from the determined directions.
     parts = directions / np.where(blind, 1.0, values[..., None])
     parts = np.where(blind, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts)
     return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
@@ -83,9 +85,9 @@ def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Return the condition number (...) of the derivatives with columns of unit length.
+    """Return the condition number (...) of the derivatives J with columns of unit length.
 
-    The condition number of F is its square.
+    The condition number of F is the square of this number.
     """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,10 +95,11 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 
 
 def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of estimates from rows (N, p) or from a root.
+    """Return the covariance (p, p) of estimates of the parameters.
 
-    **Arguments:** `floor`: smallest singular value relative to the largest, for columns of unit
-    length; smaller ones are raised to it. With zero, a singular information gives NaN.
+    **Arguments:** `rows`: derivatives (N, p), or a root (p, p); `floor`: smallest singular value
+    relative to the largest, for columns of unit length. Smaller ones are raised to this value.
+    With zero, the covariance of a singular information is NaN.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, floor * max(values[0], 1.0))
@@ -148,9 +151,12 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
     """Return combinations of the coordinates with independent estimates, the most accurate first.
 
     They are the eigenvectors of the information.
+
+    **Arguments:** `root`: root (p, p) of the information; `accuracy`: relative error of the
+    derivatives.
     """
-    # Here the columns are not scaled, because combinations are in the parameters' coordinates. Only
-    # if scaled columns are rank-deficient too is a small singular value due to missing information.
+    # The columns are not scaled here, because combinations are in the parameters' coordinates. A
+    # small singular value means missing information only if scaled columns are deficient too.
     _, values, directions = np.linalg.svd(root)
     deficient = rank(root, accuracy) < len(values)
     blind = _blind(values, accuracy if deficient else np.finfo(float).eps)
@@ -179,7 +185,7 @@ def _equilibrated(
 
 
 def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Return a mask (..., k) of the negligible singular values.
+    """Return whether singular values are negligible, (..., k).
 
     **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
     of the derivatives.

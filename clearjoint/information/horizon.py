@@ -1,17 +1,25 @@
 """Longest record that a fit by a single run can use.
 
 Small differences grow from impact to impact. This growth makes parameters visible in data, but it
-limits a fit in two ways. First, a wrong guess leads to another sequence of impacts, whose misfit
-leads to wrong parameters. Later, integration errors grow until the run differs from the true motion
-for its parameters.
+limits a fit in two ways. In records of some length, the run of a wrong guess has another sequence
+of impacts than the data, and the fit may end in wrong parameters. In longer records, integration
+errors grow until a run differs from the true motion for its parameters.
+
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. Its
+path is the straight line from the guess to the truth, in the parameters' coordinates. If the misfit
+of the outputs rises somewhere along this line towards the truth, a local minimum or a ridge may
+stop the fit. The slope of the misfit along the path is r^T J d, with the residuals r and their
+derivatives J at a point of the path, and the direction d. It is a sum over samples, so its
+cumulative sums are the slopes for records of every length.
 """
 
+import itertools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
@@ -20,20 +28,38 @@ from ..parametrisation.parameter import Parameter, coordinates_of
 from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
-from . import descent_paths
 from . import error_growth as growth
 from .analysis import Identifiability, identifiability_from
-from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
+from .sensors import Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number
 
 LOOSER = 10.0
-"""Tolerance of the run that estimates the error of the main run, relative to the main run's. A
-smaller tolerance than the main run's might be below rounding errors."""
+"""Tolerance of the run with which the main run is compared to estimate its error, relative to that
+of the main run. A smaller tolerance than that of the main run might be below rounding errors."""
 PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
 DERIVATIVE_ERROR = 0.1
 """Relative error of derivatives from which on a fit can't use them."""
+ALL_CORNERS = 3
+"""Largest number of parameters for which all corners are tested; for more, eight random ones."""
+FLAT = 1e-6
+"""Cosine of the angle between residuals and their derivatives below which a path is flat."""
+
+
+@dataclass(frozen=True)
+class WrongGuess:
+    """A wrong guess, and the records for which a fit can't descend from it to the truth.
+
+    - `offsets`: (p,) coordinates of the guess minus those of the truth.
+    - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
+      that ends at each of the times.
+    - `since`: s, end of the shortest blocked record; infinite if there is none.
+    """
+
+    offsets: Float[np.ndarray, " p"]
+    blocked: Bool[np.ndarray, " T"]
+    since: float
 
 
 @dataclass(frozen=True)
@@ -41,13 +67,13 @@ class FitHorizon:
     """Longest record that a fit by a single run can use, and the accuracy of longer records.
 
     - `times`: (T,) s, times of the samples.
-    - `growth`: (T, p + 1) m, root mean square displacement of the bodies' points per unit of each
-      parameter's coordinate; the last column is for the perturbation of the initial velocity, per
+    - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
+      parameter's coordinate. The last column is for a perturbation of the initial velocity, per
       m/s.
     - `rate`: 1/s, rate of exponential growth of this last column since the first contact.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
-      outputs: the difference from a run with ten times the tolerance.
-    - `derivative_error`: (T,) relative bound of the error of the derivatives over the record up to
+      outputs. It is the difference from a run with ten times the tolerance.
+    - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
     - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
     - `guesses`: wrong guesses, with the records for which a fit from them fails.
@@ -74,7 +100,7 @@ class FitHorizon:
     error: Float[np.ndarray, " T"]
     derivative_error: Float[np.ndarray, " T"]
     numerical: float
-    guesses: tuple[descent_paths.WrongGuess, ...]
+    guesses: tuple[WrongGuess, ...]
     information: Identifiability
 
     @property
@@ -154,6 +180,7 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
+    """Return the end of a record, given in s, as text in ms."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
@@ -204,104 +231,68 @@ def fit_horizon(
         remedy = "give the possible error of the guess"
         require_positive(f"uncertainty[{name!r}]", uncertainty[name], remedy)
     spread = np.array([float(uncertainty[name]) for name in parameters])
-    runs = _PerturbedRuns(scene, state, dict(parameters), as_sensors(sensors, scene), start_time)
-    truth = coordinates_of(scene, state, parameters)
-    true_run = runs.run(truth, settings, throw=True)
-    errors = _errors(runs, true_run, runs.run(truth, looser, throw=True))
-    times = true_run.times
-    sizes = growth.sizes(true_run.derivatives, growth.points(scene))
-    # Differences grow exponentially only through impacts: the rate is fitted from the first contact
-    # on.
-    touching = np.any([true_run.values[name] > 0.0 for name in growth.penetrations(scene)], axis=0)
+    by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
+    times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
+    outputs = outputs_of(by_name) | points | contacts
+    disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
+
+    def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
+        """Run the scene at coordinates (p,) of the parameters.
+
+        The derivatives, (T, p + 1), are by the coordinates and, in the last column, by the
+        perturbation of the initial velocity. If the run fails and `throw` is false, the result ends
+        where it failed.
+        """
+        # Only the parameters' values change, which are arguments of the compiled program.
+        perturbed = {
+            name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))
+            for (name, p), u in zip(parameters.items(), coordinates, strict=True)
+        }
+        given = perturbed | disturbance, outputs, times, settings
+        end = float(times[-1])
+        return sensitivities(scene, state, end, *given, start_time=start_time, throw=throw)
+
+    # Weights (T,) of each output, by name: the inverse of the noise, and zero without a sample.
+    weights: dict[str, np.ndarray] = {}
+    for name, sensor in by_name.items():
+        weight = np.zeros(len(times))
+        weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
+        weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
+    true_run = run_at(truth, settings)
+    errors = _errors(true_run, run_at(truth, looser), weights, len(truth))
+    sizes = growth.sizes(true_run.derivatives, points)
+    # Differences grow exponentially only through impacts, so the rate is fitted from the first
+    # contact on.
+    touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
     onset = _first(times, touching)
-    guesses = descent_paths.offsets(spread)
+    guesses = [
+        _wrong_guess(lambda u: run_at(u, settings, throw=False), true_run, truth, one, weights)
+        for one in offsets(spread)
+    ]
     return FitHorizon(
         times,
         sizes,
         growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
         *errors,
         _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
-        tuple(_wrong_guess(runs, truth, true_run, offsets, settings) for offsets in guesses),
-        identifiability_from(true_run, runs.parameters, truth, runs.sensors, settings),
+        tuple(guesses),
+        identifiability_from(true_run, dict(parameters), truth, by_name, settings),
     )
 
 
-@dataclass(frozen=True)
-class _PerturbedRuns:
-    """A scene that can be run with different values of its p parameters.
-
-    Runs differ only in numbers, so that all of them use the same compiled program.
-
-    - `scene`, `state`: the scene and its initial state.
-    - `parameters`: the parameters by name, in the order of the coordinates.
-    - `sensors`: sensors by name; a run ends at the last of their times.
-    - `start_time`: s.
-    """
-
-    scene: Scene
-    state: State
-    parameters: dict[str, Parameter]
-    sensors: dict[str, Sensor]
-    start_time: float
-
-    def run(self, coordinates: np.ndarray, settings: Settings, *, throw: bool) -> Sensitivities:
-        """Run the scene, with derivatives, at coordinates (p,) of the parameters.
-
-        **Arguments:** `throw`: whether to raise an error if the run fails; otherwise the result
-        ends where the run failed.
-
-        **Returns:** the channels of the sensors, coordinates of points of the bodies, m, and
-        penetrations of the contacts, m, at the T times of the sensors. Their derivatives are
-        (T, p + 1), with respect to the coordinates and, in the last column, to the perturbation of
-        the initial velocity, per m/s.
-        """
-        # Only the parameters' values change, which are arguments of the compiled program.
-        values = zip(self.parameters.items(), coordinates, strict=True)
-        perturbed = {
-            name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))
-            for (name, p), u in values
-        }
-        times, scene = times_of(self.sensors), self.scene
-        return sensitivities(
-            scene,
-            self.state,
-            float(times[-1]),
-            perturbed | {growth.DISTURBANCE: growth.disturbance(scene)},
-            outputs_of(self.sensors) | growth.points(scene) | growth.penetrations(scene),
-            times,
-            settings,
-            start_time=self.start_time,
-            throw=throw,
-        )
-
-    def weights(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Return weights (T,) of each channel by name, for times (T,), s.
-
-        A weight is the inverse of the noise, in the inverse of the channel's unit; it is zero at
-        times without a sample.
-        """
-        weights = {}
-        for name, sensor in self.sensors.items():
-            weight = np.zeros(len(times))
-            weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
-            weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
-        return weights
-
-
 def _errors(
-    runs: _PerturbedRuns, run: Sensitivities, loose: Sensitivities
+    run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return bounds (T,) of the errors of a run's values and derivatives.
 
     The error of the values is in units of the noise, the error of the derivatives is relative.
 
-    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger.
+    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
+    `weights`: weights (T,) of the outputs; `p`: number of derivatives to compare.
     """
-    weights = runs.weights(run.times)
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
-    p = len(runs.parameters)
     differences, size = np.zeros((2, len(run.times), p))
     for name, weight in weights.items():
         weighted = run.derivatives[name][:, :p] * weight[:, None]
@@ -312,34 +303,87 @@ def _errors(
     return np.max(values, axis=0), relative.max(axis=1)
 
 
+def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
+    """Yield the offset of each wrong guess from the truth, (p,), in the parameters' coordinates.
+
+    Each parameter is wrong alone, in both directions. Then all are wrong together, in all
+    combinations of signs for up to three parameters and in eight random ones for more.
+
+    **Arguments:** `uncertainty`: (p,) largest error of each coordinate.
+    """
+    p = len(uncertainty)
+    for k in range(p):
+        for sign in (1.0, -1.0):
+            yield sign * uncertainty * np.eye(p)[k]
+    if 1 < p <= ALL_CORNERS:
+        for signs in itertools.product((1.0, -1.0), repeat=p):
+            yield uncertainty * signs
+    elif p > ALL_CORNERS:
+        for signs in np.random.default_rng(0).choice((1.0, -1.0), (2**ALL_CORNERS, p)):
+            yield uncertainty * signs
+
+
 def _wrong_guess(
-    runs: _PerturbedRuns,
-    truth: np.ndarray,
+    run_at: Callable[[np.ndarray], Sensitivities],
     true_run: Sensitivities,
-    offsets: np.ndarray,
-    settings: Settings,
-) -> descent_paths.WrongGuess:
+    truth: np.ndarray,
+    offset: np.ndarray,
+    weights: Mapping[str, np.ndarray],
+) -> WrongGuess:
     """Return a wrong guess and the records with which a fit from it fails.
 
     **Arguments:**
 
-    - `truth`: (p,) coordinates of the parameters, with which `true_run` was computed.
-    - `offsets`: (p,) guess less truth, in coordinates.
+    - `run_at`: function that runs the scene at coordinates (p,) of the parameters.
+    - `true_run`: run at the coordinates `truth`, (p,).
+    - `offset`: (p,) guess less truth, in coordinates.
+    - `weights`: weights (T,) of the outputs by name.
     """
-    weights, times = runs.weights(true_run.times), true_run.times
+    times = true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
     blocked = np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
-        run = runs.run(truth + fraction * offsets, settings, throw=False)
+        run = run_at(truth + fraction * offset)
         n = len(run.times)
         values = {name: run.values[name] * weight[:n] for name, weight in weights.items()}
         along = {
-            name: (run.derivatives[name][:, : len(offsets)] @ offsets) * weight[:n]
+            name: (run.derivatives[name][:, : len(offset)] @ offset) * weight[:n]
             for name, weight in weights.items()
         }
-        blocked |= descent_paths.blocked(true_values, values, along, len(times))
-    return descent_paths.WrongGuess(offsets, blocked, _first(times, blocked))
+        blocked |= blocked_records(true_values, values, along, len(times))
+    return WrongGuess(offset, blocked, _first(times, blocked))
+
+
+def blocked_records(
+    truth: Mapping[str, np.ndarray],
+    values: Mapping[str, np.ndarray],
+    slopes: Mapping[str, np.ndarray],
+    count: int,
+) -> Bool[np.ndarray, " count"]:
+    """Return whether the misfit rises towards the truth at a point of a path, (count,).
+
+    Entry k is for the record of the first k + 1 samples. A misfit below the noise doesn't block a
+    fit. Neither does a flat one: before the first impact, the run doesn't depend on the clearance,
+    but in a longer record it does.
+
+    **Arguments:** by output, in units of its noise:
+
+    - `truth`: (count,) values at the truth.
+    - `values`: (n,) values at the point. If the run failed early, n < count, and longer records are
+      blocked.
+    - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
+    """
+    n = min(len(row) for row in values.values())
+    residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
+    along = np.stack([slopes[name][:n] for name in truth])
+    slope = np.cumsum((residuals * along).sum(axis=0))
+    misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
+    is_blocked = np.ones(count, bool)
+    # Scaled by the norms, the slope is the cosine of an angle: a path is flat by direction, not by
+    # size.
+    is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
+    return is_blocked
 
 
 def _first(times: np.ndarray, where: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Sensors of planned measurements: measured quantities, times and noise, without values."""
+"""Sensors of planned measurements: their channels, times and noise, without measured values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,10 +14,7 @@ from ..quantities.base import Quantity, check_quantity
 
 
 class SampledChannel(Protocol):
-    """An object with a channel, times and noise, such as a measured `Series`.
-
-    Measured values are not needed.
-    """
+    """Interface of objects with a channel, times and noise, such as a measured `Series`."""
 
     @property
     def channel(self) -> Quantity:
@@ -86,23 +83,22 @@ def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray)
 
 
 class SeriesByName(Protocol):
-    """An object with sampled channels by name in its property `series`, such as `Measurements`."""
+    """Interface of objects with sampled channels by name, such as `Measurements`."""
 
     @property
     def series(self) -> Mapping[str, SampledChannel]:
-        """Measured series by name."""
+        """Sampled channels by name."""
         ...
 
 
 Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
-"""A dictionary by name of sensors or measured series, or `Measurements`. A `Series` counts as a
-sensor with one channel."""
+"""Sensors or measured series by name, or `Measurements`; a series is a sensor with one channel."""
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     """Return sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
 
-    **Raises:** `ValueError` for anything else, and for a sensor of an element that the scene lacks.
+    **Raises:** `ValueError` for other types, and for a channel of an element that the scene lacks.
     """
     by_name = sensors if isinstance(sensors, Mapping) else getattr(sensors, "series", {})
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
@@ -122,10 +118,10 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return every channel of every sensor by name.
+    """Return the channels of all sensors by name.
 
-    A channel has the name of its sensor. If the sensor has several channels, a number from zero is
-    appended, as in "probe 0". A fit uses the same names, and therefore the same compiled program.
+    A channel has the name of its sensor. If the sensor has several channels, a number from zero on
+    is appended, as in "probe 0". A fit uses the same names, and therefore the same program.
 
     **Raises:** `ValueError` for names that are not unique.
     """

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns; the first of `rows` is the head."""
+    """Return the lines of a table with aligned columns from its rows, the head first."""
     import pandas as pd
 
     (corner, *head), *body = rows

@@ -1,2 +1,2 @@
-"""Arithmetic on scalars, independent of mechanics: vectors, rotations, smoothing, interpolation,
-small linear systems, and groups of alike elements."""
+"""Arithmetic on scalars, without mechanics: vectors, rotations, smoothing, interpolation, small
+linear systems, and groups of alike elements."""

@@ -1,5 +1,7 @@
-"""Functions of scalars that NumPy evaluates for numbers of Python and NumPy, so that nothing is
-compiled for them, and JAX otherwise."""
+"""Functions of scalars, which may be numbers of Python and NumPy or arrays of JAX.
+
+For numbers of Python and NumPy, NumPy computes them, so that nothing is compiled.
+"""
 
 import jax
 from jax.core import Tracer
@@ -25,17 +27,16 @@ def cosine(angle: Scalar) -> Scalar:
 
 
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return the angle in rad, in (-pi, pi], of the point with abscissa `cosine` and ordinate
-    `sine`.
+    """Return the polar angle, rad in (-pi, pi], of the point with the coordinates (cosine, sine).
 
-    The two numbers need not be normalised.
+    The point may be at any distance from the origin.
     """
     return library((sine, cosine)).arctan2(sine, cosine)
 
 
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
-    """Return the value minus the multiple of the period that is nearest to it.
+    """Return a value minus the nearest multiple of a period.
 
-    The result is at most half a period from zero.
+    The absolute value of the result is at most half a period.
     """
     return value - period * library((value, period)).round(value / period)

@@ -1,9 +1,9 @@
 """Groups of elements of the same structure, which are computed at once.
 
-All computations on elements are scalar arithmetic (`clearjoint.math.vectors`). So an element whose
-numbers are arrays of shape (n,) represents n elements of the same structure. Its name is a
-`GroupName`. `by_group` converts dictionaries by names of elements, such as motions of bodies, to
-dictionaries by names of groups, and `by_name` converts these back.
+All computations on elements are scalar arithmetic (`clearjoint.math.vectors`), which also works for
+arrays. So a group of n elements of the same structure is an element whose numbers are arrays of
+shape (n,), and whose name is a `GroupName`. `by_group` converts dictionaries by names of elements,
+such as motions of bodies, to dictionaries by names of groups, and `by_name` converts these back.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,9 +17,11 @@ from .vectors import Condition, Scalar
 
 
 class GroupName(str):
-    """Name of a group of elements; `members` holds the names of the elements, in order.
+    """Name of a group of elements.
 
     It is a string, and can be used wherever names are. Two names with the same members are equal.
+
+    - `members`: names of the elements, in order.
     """
 
     members: tuple[str, ...]
@@ -37,19 +39,17 @@ class GroupName(str):
 
 
 def is_structural(leaf: object) -> bool:
-    """Return whether a leaf of a PyTree is a Python number, which all elements of a group have in
-    common.
+    """Return whether a leaf of a PyTree is structural: a Python number, but not one of NumPy.
 
-    NumPy's numbers are not structural.
+    All elements of a group have the same structural numbers.
     """
     return type(leaf) in (int, float, bool)
 
 
 def stack(trees: Sequence[PyTree]) -> PyTree:
-    """Return one PyTree with arrays of shape (n,), from n PyTrees of scalars with the same
-    structure.
+    """Return n PyTrees of scalars, of the same structure, as one PyTree of arrays (n,).
 
-    Leaves that are Python numbers are taken from the first tree.
+    Leaves that are Python numbers are taken from the first PyTree.
     """
     first, structure = jax.tree.flatten(trees[0])
     columns = zip(*(jax.tree.leaves(tree) for tree in trees), strict=True)
@@ -66,14 +66,17 @@ def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
 
 
 def element(tree: PyTree, index: int) -> PyTree:
-    """Return the element at an index of a group: a PyTree of scalars from arrays (..., n)."""
+    """Return one of the n elements of a group, (...) from (..., n)."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
 def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
-    """Return values by the given names of elements and groups, from values by names of elements.
+    """Return values by names of elements and groups, from values by names of elements.
 
-    Values of a group are stacked to arrays (n,). Names without a value are omitted.
+    The values of the elements of a group become arrays (n,). Names without a value are omitted.
+
+    **Arguments:** `by_member`: PyTrees of scalars by name of the element; `names`: the names of
+    elements and groups.
     """
     groups = {}
     for name in names:
@@ -97,7 +100,9 @@ def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
-    """Call a function once for all n elements of a group, by `jax.vmap`, so that it may use arrays.
+    """Call a function once for all n elements of a group, by `jax.vmap`.
+
+    In contrast to scalar arithmetic, the function may use arrays for an element.
 
     **Arguments:** `arguments`: PyTrees. Their arrays of shape (n,) have one entry for each element;
     scalars and Python numbers are the same for all elements.
@@ -127,18 +132,15 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
 
 
 def sum_(value: Scalar) -> Scalar:
-    """Return the sum over the elements of a group, () from (n,); a scalar is returned
-    unchanged."""
+    """Return the sum over the elements of a group, () from (n,), or a scalar unchanged."""
     return value if np.ndim(value) == 0 else jnp.sum(value)
 
 
 def min_(value: Scalar) -> Scalar:
-    """Return the minimum over the elements of a group, () from (n,); a scalar is returned
-    unchanged."""
+    """Return the minimum over the elements of a group, () from (n,), or a scalar unchanged."""
     return value if np.ndim(value) == 0 else jnp.min(value)
 
 
 def any_(value: Condition) -> Condition:
-    """Return whether a condition holds for any element of a group; a scalar is returned
-    unchanged."""
+    """Return whether a condition (n,) holds for any element of a group, or a scalar unchanged."""
     return value if np.ndim(value) == 0 else jnp.any(value)

@@ -1,8 +1,8 @@
 """Interpolation over a time step: Hermite polynomials, parabolas, roots and maxima of functions.
 
-A position x in a step is 0 at the start and 1 at the end of the step, whose length is h. All
-functions are scalar arithmetic without loops at run time, elementwise for arrays. A rate is a
-derivative by time: by x, divided by h.
+A position x in a step is a number from 0 at its start to 1 at its end. The length of the step is h,
+s. A rate is a derivative by time, which is the derivative by x divided by h. All functions are
+arithmetic on scalars without loops at run time. For arrays they work element by element.
 """
 
 from collections.abc import Callable
@@ -22,10 +22,10 @@ REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. A smaller distance would later appear as a divisor."""
+to the distance between these two. A smaller distance could be a divisor later."""
 GUESS_MARGIN = 0.1
 """Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
-relative to its length. It is larger, because this position is extrapolated."""
+relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
 LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
 to the length of the interval."""
@@ -39,8 +39,7 @@ class Slope(NamedTuple):
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the value at x of the cubic with given values and rates at the ends of a step of
-    length h."""
+    """Return the value at x of the cubic with the given values and rates at the ends of a step."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -48,18 +47,17 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the rate at x of the cubic with given values and rates at the ends of a step of length
-    h."""
+    """Return the rate at x of the cubic with the given values and rates at the ends of a step."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position x of the root of the cubic Hermite interpolant.
+    """Return the approximate position x of the root of a cubic, given at the ends of a step.
 
-    The values at the ends must have opposite signs. A few Newton steps are taken, kept within a
-    bracket that shrinks; the result is not exact if the cubic has a large curvature.
+    The values at the ends must have opposite signs. The root is approximated by `NEWTON_STEPS`
+    Newton steps within a shrinking bracket, which is less accurate for a large curvature.
     """
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     x = start.value / (start.value - end.value)
@@ -77,11 +75,10 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position x of a function's root in a step, by secant steps kept in [0,
-    1].
+    """Return the approximate position x of a function's root in a step, by secant steps.
 
-    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, of
-    opposite signs.
+    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
+    must have opposite signs.
     """
     x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
     for _ in range(SECANT_STEPS):
@@ -101,16 +98,18 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """Polynomial of fifth degree in x: six coefficients, lowest power first, and the step's length
-    h."""
+    """Polynomial of fifth degree over a step.
+
+    - `coefficients`: the six coefficients of powers of x, the lowest power first.
+    - `h`: s, length of the step.
+    """
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
 
     @staticmethod
     def through(start: Bend, end: Bend, h: Scalar) -> "Quintic":
-        """Return the polynomial with the given values, rates and second rates at the ends of a
-        step."""
+        """Return the polynomial with given values, rates and second rates at the step's ends."""
         a, da, dda = start.value, h * start.rate, h * h * start.second_rate
         b, db, ddb = end.value, h * end.rate, h * h * end.second_rate
         rise = b - a - da - 0.5 * dda
@@ -160,12 +159,14 @@ class Parabola(NamedTuple):
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
         """Return the total length of the parts of [a, b] in which the value is below `level`."""
-        # A line is treated as a parabola of negligible curvature, one of whose roots is far away.
+        # A straight line is treated as a parabola of negligible curvature, which has one root far
+        # away.
         bend = jnp.where(jnp.abs(self.bend) > TINY, self.bend, TINY)
         above = self.start - level
         squared = self.slope * self.slope - 4.0 * bend * above
         root = jnp.sqrt(jnp.maximum(squared, 0.0))
-        # Both roots without cancellation: q has the larger magnitude of -slope +- root.
+        # To avoid cancellation, q is the sum of two numbers of equal sign, and the roots are q/bend
+        # and above/q.
         q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
         r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
         between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
@@ -183,17 +184,16 @@ class Point(NamedTuple):
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the parabola through three points, given in order of
-    x.
+    """Return the position x of the maximum of the parabola through three points in order of x.
 
-    It is clipped to the interval from the first to the last point. If the parabola has no maximum,
-    the position of the middle point is returned.
+    The position is limited to the interval from the first to the last point. If the parabola has no
+    maximum, the position of the middle point is returned.
     """
     left = _slope(first, middle)
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
     slope = left + bend * (middle.x - first.x)
-    # A parabola without a maximum gives no shift, since the division is by infinity.
+    # Without a maximum, the divisor is infinite, and the shift is zero.
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
     return jnp.clip(middle.x + shift, first.x, last.x)
 
@@ -201,43 +201,42 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
 def highest_after(
     value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between two points, with the help of one more point before
-    them.
+    """Estimate the maximum of a function between two points, using a further point before them.
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
-    the maximum of the cubic through these and the first evaluation.
+    the maximum of the cubic through these points and the first evaluation.
 
-    **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points in order of x.
+    **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points of the function in
+    order of x. The maximum between `first` and `last` is estimated.
 
-    **Returns:** a point. Its value is the largest one among those of the function at its points, as
-    in `highest`. Its position is the maximum of the last parabola, since that is nearer to the
-    function's maximum than the evaluated points.
+    **Returns:** a point. Its value is the largest of the function's values at all points, as in
+    `highest`. Its position is the maximum of the last parabola, which is nearer to the function's
+    maximum than the evaluated points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
-    # Without a maximum of the extrapolated parabola the search begins in the middle.
+    # If the extrapolated parabola has no maximum, the search begins in the middle.
     bends = _bend(before, first, last) < 0.0
     guess = jnp.where(bends, vertex(before, first, last), 0.5 * (first.x + last.x))
     guess = jnp.clip(guess, first.x + margin, last.x - margin)
     middle = Point(guess, value_at(guess))
     refined = _cubic_vertex(before, first, middle, last)
     a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
-    # Without a peak between them, the highest point is an end, and the parabola has no maximum
-    # inside.
+    # If none of the inner points is the highest one, the maximum is at an end of the interval.
     is_peak = (b.value >= a.value) & (b.value >= c.value)
     top = higher(higher(first, last), b)
     return Point(jnp.where(is_peak, vertex(a, b, c), top.x), top.value)
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the cubic through four points, between the last
-    three.
+    """Return the position x of the maximum of the cubic through four points in order of x.
 
-    It is found by one Newton step from the maximum of the parabola through the last three.
+    The maximum is sought among the last three points, by a Newton step from the maximum of the
+    parabola through them.
     """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
-    # Newton's form of the cubic: the parabola plus twist (x - first)(x - middle)(x - last), whose
-    # derivatives at x are below.
+    # In Newton's form, the cubic is the parabola plus twist (x - first)(x - middle)(x - last). The
+    # first and second derivative of the cubic at x follow.
     twist = (bend - _bend(before, first, middle)) / _positive(last.x - before.x)
     a, b, c = x - first.x, x - middle.x, x - last.x
     slope = twist * (a * b + b * c + c * a)
@@ -255,15 +254,17 @@ def _bend(first: Point, middle: Point, last: Point) -> Scalar:
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between the first and the last of three points, in order
-    of x.
+    """Estimate the maximum of a function between the first and the last of three points.
 
-    Takes `REFINEMENTS` evaluations by successive parabolic interpolation (R. Brent, Algorithms for
-    Minimization without Derivatives, 1973, ch. 5). The value is one of the function's own, because
-    the maximum of a parabola would be too large at a kink.
+    The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
+    Algorithms for Minimization without Derivatives, 1973, ch. 5). The value of the result is one of
+    the function's values, because the maximum of a parabola would be too large at a kink.
+
+    **Arguments:** `value_at`: function of x; `first`, `middle`, `last`: points of the function in
+    order of x.
     """
     for count in reversed(range(REFINEMENTS)):
-        # No refinement follows the last one, which needs no distance from the others.
+        # The last evaluation is not used for a further parabola, and may be near the other points.
         margin = MARGIN * (last.x - first.x) if count else 0.0
         x = jnp.clip(vertex(first, middle, last), first.x + margin, last.x - margin)
         first, middle, last = _nearest_three(first, middle, last, Point(x, value_at(x)))
@@ -273,9 +274,9 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return three neighbouring points, in order of x, around the higher of the two inner ones.
+    """Return three neighbours of four points, in order of x, with the highest inner one in between.
 
-    The inner points are `middle` and `new`, which lies between `first` and `last`.
+    The inner points are `middle` and `new`, both of which are between `first` and `last`.
     """
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
@@ -288,15 +289,12 @@ def _nearest_three(
 
 
 def higher(one: Point, other: Point) -> Point:
-    """Return the point with the larger value; at equal values `one`."""
+    """Return the point with the larger value, or `one` if the values are equal."""
     return _either(other.value > one.value, other, one)
 
 
 def _either(condition: Scalar, one: Point, other: Point) -> Point:
-    return Point(
-        jnp.where(condition, one.x, other.x),
-        jnp.where(condition, one.value, other.value),
-    )
+    return Point(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _slope(first: Point, second: Point) -> Scalar:

@@ -1,8 +1,9 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
-Small systems are rows of scalars and are solved by unrolled scalar arithmetic, which is fast in a
-stepping loop. The amount of unrolled code, and its compile time, grow with the cube of the number
-of rows (over a minute for 30 rows). Larger systems are therefore arrays, which LAPACK solves.
+Small systems are given by rows of scalars and are solved by unrolled scalar arithmetic, which is
+fast in a stepping loop. The length of the unrolled code, and its compile time, grow with the cube
+of the number of rows (over a minute for 30 rows). Larger systems are therefore given by arrays,
+which LAPACK solves.
 """
 
 from collections.abc import Sequence
@@ -16,14 +17,16 @@ from .vectors import Scalar, add, is_zero, multiply, subtract
 LARGEST_UNROLLED = 12
 """Largest number of rows of a system that is solved by unrolled arithmetic."""
 Rows = Sequence[Sequence[Scalar]]
+"""Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read."""
 
 
 class UnrolledFactorisation:
     """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic.
 
-    `matrix` has n rows; only the entries of its lower triangle are read. Entries that are the
-    Python number zero are structural: operations on them are omitted, so a sparse matrix stays
-    sparse except for fill-in.
+    Entries that are the Python number zero are structural: operations on them are omitted, so that
+    a sparse matrix stays sparse except for fill-in.
+
+    **Arguments:** `matrix`: the n rows, of which only the lower triangle is read.
     """
 
     def __init__(self, matrix: Rows):
@@ -45,7 +48,7 @@ class UnrolledFactorisation:
         return start
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x, (n,), of matrix x = right."""
+        """Return the solution x of the system matrix x = right, as n scalars each."""
         n = len(right)
         z: list[Scalar] = []
         for i in range(n):
@@ -58,11 +61,12 @@ class UnrolledFactorisation:
 
 
 class OrderedFactorisation:
-    """`UnrolledFactorisation` of a sparse matrix with its unknowns in an order that causes little
-    fill-in.
+    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in.
 
     The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
     (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
+
+    **Arguments:** `matrix`: as for `UnrolledFactorisation`.
     """
 
     def __init__(self, matrix: Rows):
@@ -71,8 +75,7 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x, (n,), of matrix x = right, in the original order of the
-        unknowns."""
+        """Return the solution x of matrix x = right, in the original order of the unknowns."""
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
@@ -100,16 +103,16 @@ class AbstractSolver:
     """Base class of solvers for matrix x = right, with rows of scalars or with arrays."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return the row with entries that are rounding errors replaced by zero; unchanged by
-        default.
+        """Return a row with zeros in place of entries that are rounding errors.
 
-        `row` is a row of D, where the matrix is D M^-1 D^T.
+        By default the row is returned unchanged.
+
+        **Arguments:** `row`: a row of the Jacobian D, where D M^-1 D^T is the matrix to solve.
         """
         return list(row)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution as n scalars, for a matrix given by the rows of its lower
-        triangle."""
+        """Return the solution as n scalars, for a matrix given by its rows."""
         raise NotImplementedError
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
@@ -133,7 +136,7 @@ class LeastNorm(AbstractSolver):
     """Solver that returns the solution of least norm of a singular but consistent system S x = b.
 
     The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges
-    to the solution of least norm. Each sweep reduces the error by a factor eps/(eps + sigma), where
+    to the solution of least norm. Each iteration multiplies the error by eps/(eps + sigma), where
     sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free augmented
     Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, the iteration can be
     differentiated where eigenvalues coincide.
@@ -145,9 +148,9 @@ class LeastNorm(AbstractSolver):
     relative_shift = 1e-8
     sweeps = 3
     rounding = 1e-12
-    """Largest magnitude of an entry of a row of D (components of unit vectors, or of arms in m)
-    that counts as a rounding error. A row that the coordinates satisfy identically consists of such
-    errors and would make the solution arbitrary."""
+    """Largest absolute value of an entry of a row of D that counts as a rounding error. Entries are
+    components of unit vectors, or of arms in m. The row of a constraint that the coordinates always
+    satisfy consists of such errors, and would make the solution arbitrary."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return the row with zeros in place of entries that are rounding errors."""
@@ -157,19 +160,18 @@ class LeastNorm(AbstractSolver):
         ]
 
     def _shift(self, trace: Scalar, n: int) -> Scalar:
-        """Return eps for a matrix with n rows and a given trace; one for a matrix of zeros."""
+        """Return eps for a matrix with n rows and the given trace; 1 for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution by an L D L^T factorisation of the shifted matrix in scalar
-        arithmetic."""
+        """Return the solution by an L D L^T factorisation of S + eps I in scalar arithmetic."""
         trace: Scalar = 0.0
         for i in range(len(matrix)):
             trace = add(trace, matrix[i][i])
         shift = self._shift(trace, len(matrix))
         shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
         factorisation = UnrolledFactorisation(shifted)
-        # The first sweep, from x = 0, needs no product.
+        # The first iteration, from x = 0, needs no product.
         x = factorisation.solve(right)
         for _ in range(self.sweeps - 1):
             image = product(matrix, x)
@@ -178,7 +180,7 @@ class LeastNorm(AbstractSolver):
         return x
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Return the solution by a Cholesky factorisation of the shifted matrix."""
+        """Return the solution by a Cholesky factorisation of S + eps I."""
         n = matrix.shape[0]
         shift = self._shift(jnp.trace(matrix), n)
         factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
@@ -197,7 +199,6 @@ def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
-    """Return the product, (n,), of a symmetric matrix, given by its lower triangle, and a vector
-    (n,)."""
+    """Return the product of a symmetric matrix of n rows and a vector of n scalars."""
     n = len(vector)
     return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

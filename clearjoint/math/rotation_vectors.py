@@ -1,5 +1,4 @@
-"""Rotation vectors (axis times angle) for rotations by less than half a revolution, and their
-rates."""
+"""Rotation vectors (axis times angle) of rotations by less than half a revolution, and rates."""
 
 from typing import NamedTuple
 
@@ -8,8 +7,8 @@ import jax.numpy as jnp
 from .vectors import Matrix, Scalar, Vector
 
 SMALL = 1e-4
-"""Squared sine up to which `_angle_over_sine` is computed by a series. `_curvature` uses a series
-up to 100 times this number, as a squared angle. The errors of both series are below rounding."""
+"""Squared sine up to which `_angle_over_sine` uses a series. `_curvature` uses one up to a squared
+angle of 100 times this number. The errors of both series are below rounding errors."""
 TINY = 1e-200
 """Squared sine that counts as zero."""
 
@@ -18,7 +17,7 @@ class RotationVector(NamedTuple):
     """Rotation vector of a frame relative to a fixed frame.
 
     - `vector`: axis times angle, rad, with an angle from 0 to pi.
-    - `factor`: coefficient of the double vector product in `rate` and `torque`.
+    - `factor`: factor of the double vector product in `rate` and `torque`.
     """
 
     vector: Vector
@@ -27,19 +26,21 @@ class RotationVector(NamedTuple):
     def rate(self, spin: Vector) -> Vector:
         """Return the time derivative of the rotation vector, rad/s.
 
-        This is the product of the inverse left Jacobian of the exponential map and `spin`, the
-        angular velocity of the rotated frame relative to the fixed frame, rad/s, in axes of the
-        fixed frame.
+        It is the product of the inverse left Jacobian of the exponential map and the spin.
+
+        **Arguments:** `spin`: angular velocity of the rotated frame relative to the fixed frame,
+        rad/s, in axes of the fixed frame.
         """
         product = self.vector.cross(spin)
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
-        """Return the torque, N m in axes of the fixed frame, of a moment conjugate to the vector's
-        rate.
+        """Return the torque on the rotated frame, N m, in axes of the fixed frame.
 
-        Both have the same power, ``moment . rate = torque . spin``, so the matrix of this map is
-        the transpose of that in `rate`.
+        Torque and moment have the same power, ``moment . rate = torque . spin``, so the matrix of
+        this map is the transpose of that in `rate`.
+
+        **Arguments:** `moment`: N m, moment that is conjugate to the rotation vector.
         """
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
@@ -48,24 +49,20 @@ class RotationVector(NamedTuple):
 def rotation_vector(rotation: Matrix) -> RotationVector:
     """Return the rotation vector of a rotation matrix that maps rotated axes to fixed ones.
 
-    At exactly half a revolution, where the vector jumps to its opposite and the direction is
-    undefined, the vector is zero.
+    At exactly half a revolution, the direction of the vector is not defined, and the result is
+    zero.
     """
-    x, y, z = rotation.row_x, rotation.row_y, rotation.row_z
+    x, y, z = rotation.rows
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
     squared_sine = sine_vector.dot(sine_vector)
     stretch = _angle_over_sine(squared_sine, cosine)
-    return RotationVector(
-        sine_vector * stretch, _curvature(squared_sine * stretch * stretch, stretch, cosine)
-    )
+    curvature = _curvature(squared_sine * stretch * stretch, stretch, cosine)
+    return RotationVector(sine_vector * stretch, curvature)
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle divided by its sine: one at zero, finite at pi.
-
-    The angle, from 0 to pi, is given by its cosine and its squared sine.
-    """
+    """Return an angle from 0 to pi divided by its sine, which is 1 at zero and finite at pi."""
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)

@@ -23,8 +23,8 @@ def squared_norm(p: EulerParameters) -> Scalar:
 def rotation_matrix(p: EulerParameters) -> Matrix:
     """Return the matrix that transforms body components to global ones.
 
-    The Euler parameters are divided by their norm. So the matrix is orthogonal although rounding
-    and integration errors change the norm, and no constraint on the norm is needed.
+    The Euler parameters are divided by their norm, so that the matrix is orthogonal although
+    rounding and integration errors change the norm. No constraint on the norm is needed.
 
     >>> half = 0.5**0.5  # a quarter of a revolution about z
     >>> matrix = extend.rotation_matrix(extend.EulerParameters(half, 0.0, 0.0, half))
@@ -55,9 +55,11 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Return the Euler parameters after a further small rotation, normalised.
+    """Return the normalised Euler parameters after a further small rotation.
 
-    `angle` is the rotation vector in body axes, rad; the result is correct to first order.
+    The result is correct to first order in the angle.
+
+    **Arguments:** `p`: the Euler parameters before; `angle`: the rotation vector in body axes, rad.
 
     >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
     >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))
@@ -98,12 +100,12 @@ NORM_DRIFT = 1e-6
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters of unit norm, if the error of their squared norm exceeds
-    `NORM_DRIFT`; otherwise return them unchanged.
+    """Return Euler parameters with their norm corrected to 1 if it has drifted.
 
-    The rotation does not depend on the norm, but the error control of a step does. Each step
-    changes the norm slightly in the same direction, without bound over millions of steps: for a
-    spinning top, the norm is 1.6 after 24 h at a relative tolerance of 1e-4, and 1e40 at 1e-3.
+    They are returned unchanged if the error of the squared norm is at most `NORM_DRIFT`. The
+    rotation does not depend on the norm, but the error control of a step does. Each step changes
+    the norm slightly in the same direction, without bound over millions of steps: for a spinning
+    top, the norm is 1.6 after 24 h at a relative tolerance of 1e-4, and 1e40 at 1e-3.
     """
     squared = squared_norm(p)
     drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
@@ -113,8 +115,7 @@ def kept_unit(p: EulerParameters) -> EulerParameters:
 
 
 def within_two_turns(angle: Scalar) -> Scalar:
-    """Return an angle minus the nearest multiple of 4 pi, in rad; in (-2 pi, 2 pi) it is not
-    changed.
+    """Return an angle, rad, minus the nearest multiple of 4 pi.
 
     Two revolutions restore the Euler parameters including their sign. An angle that grew with every
     revolution would lose digits, and the errors that relative tolerances allow would grow with it.
@@ -138,8 +139,8 @@ def unit(vector: Vector) -> Vector:
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
     """Return two unit vectors that, followed by the unit vector `axis`, form a right-handed frame.
 
-    The formula has no singular axis (T. Duff et al., Building an orthonormal basis, revisited,
-    2017). For the z axis, the vectors are the unit vectors of x and y.
+    The formula is valid for every axis (T. Duff et al., Building an orthonormal basis, revisited,
+    2017). For the z axis, the result is the unit vectors of x and y.
     """
     sign = _sign(axis.z)
     a = -1.0 / (sign + axis.z)

@@ -1,8 +1,8 @@
 """Norms, ramps and powers whose values and derivatives are finite everywhere.
 
-At kinks the following values hold. A power of a negative number and its derivative are zero. The
-direction of a zero vector and the derivative of its norm are zero. A ramp of width w > 0 has a
-continuous derivative, and a ramp of width ``None`` is exactly max(x, 0).
+A power of a negative number and its derivative are zero. The direction of a zero vector and the
+derivative of its norm are zero. A ramp of width w > 0 has a continuous derivative, and a ramp of
+width ``None`` is exactly max(x, 0).
 """
 
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ _TINY = 1e-200
 def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     """Return max(x, 0)^exponent, for an exponent of at least one.
 
-    If the exponent is the Python number 1.5 or 1, the slow general power is not used.
+    The slow general power is not computed if the exponent is the Python number 1.5 or 1.
 
     >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
     8.0, 0.0

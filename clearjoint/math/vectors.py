@@ -1,14 +1,14 @@
 """Vectors and 3x3 matrices whose components are separate scalars.
 
-Scalars are faster than arrays here. XLA's CPU compiler compiles a stepping loop to one function if
-the loop's body is elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would
-each launch a kernel, and launching them would take most of the time of a run. ``vmap`` adds lanes
-to the same code.
+Scalars are faster than arrays here. Native code (`clearjoint.native`) consists of operations on
+scalars, and XLA's CPU compiler compiles a stepping loop to one function if the loop's body is
+elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would each launch a kernel
+of XLA, which would take most of the time of a run. ``vmap`` adds lanes to the same code.
 
 A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
 JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such
 components in the numbers of a scene, for example in an axis (1, 0, 0). A program is then compiled
-for each pattern of zeros and ones, not for each value of a number.
+for each pattern of zeros and ones, but not for each value of a number.
 """
 
 import math
@@ -43,20 +43,19 @@ def _is(value: Scalar, number: float) -> bool:
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:
     """Return whether both numbers are JAX tracers of the same shape and dtype.
 
-    If so, an operation needs no conversions, and its primitive can be called directly, which traces
-    in a quarter of the operator's time.
+    An operation on them needs no conversions. Its primitive can be called directly, which JAX
+    traces in a quarter of the time of an operator.
     """
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def is_zero(a: Scalar) -> bool:
-    """Return whether a number is a structural zero: a Python number (or NumPy float64) equal to
-    zero."""
+    """Return whether a number is a structural zero: a zero of Python, or of NumPy's float64."""
     return _is(a, 0)
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b; if either is a structural zero, return the other without an operation."""
+    """Return a + b, without an operation if either is a structural zero."""
     if _is(a, 0):
         return b
     if _is(b, 0):
@@ -65,8 +64,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, without a subtraction if either is a structural zero, or if both are one
-    object."""
+    """Return a - b, without a subtraction if either is a structural zero or both are one object."""
     if a is b:
         return 0.0
     if _is(b, 0):
@@ -107,12 +105,10 @@ class Vector:
     z: Scalar
 
     def __add__(self, other: "Vector") -> "Vector":
-        return Vector(add(self.x, other.x), add(self.y, other.y), add(self.z, other.z))
+        return Vector(*map(add, self, other))
 
     def __sub__(self, other: "Vector") -> "Vector":
-        return Vector(
-            subtract(self.x, other.x), subtract(self.y, other.y), subtract(self.z, other.z)
-        )
+        return Vector(*map(subtract, self, other))
 
     def __neg__(self) -> "Vector":
         return ZERO - self
@@ -141,9 +137,7 @@ class Vector:
 
     def componentwise_product(self, other: "Vector") -> "Vector":
         """Return the vector (x1 x2, y1 y2, z1 z2)."""
-        return Vector(
-            multiply(self.x, other.x), multiply(self.y, other.y), multiply(self.z, other.z)
-        )
+        return Vector(*map(multiply, self, other))
 
 
 ZERO = Vector(0.0, 0.0, 0.0)
@@ -186,6 +180,11 @@ class Matrix:
     row_y: Vector
     row_z: Vector
 
+    @property
+    def rows(self) -> tuple[Vector, Vector, Vector]:
+        """The three rows."""
+        return self.row_x, self.row_y, self.row_z
+
     @overload
     def __matmul__(self, other: Vector) -> Vector: ...
 
@@ -193,13 +192,12 @@ class Matrix:
     def __matmul__(self, other: "Matrix") -> "Matrix": ...
 
     def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
-        rows = (self.row_x, self.row_y, self.row_z)
         if isinstance(other, Matrix):
-            return Matrix(*(other.transposed_times(row) for row in rows))
-        return Vector(*(row.dot(other) for row in rows))
+            return Matrix(*(other.transposed_times(row) for row in self.rows))
+        return Vector(*(row.dot(other) for row in self.rows))
 
     def __add__(self, other: "Matrix") -> "Matrix":
-        return Matrix(self.row_x + other.row_x, self.row_y + other.row_y, self.row_z + other.row_z)
+        return Matrix(*(a + b for a, b in zip(self.rows, other.rows, strict=True)))
 
     def transposed_times(self, vector: Vector) -> Vector:
         """Return the product of the transposed matrix and a vector."""
@@ -208,21 +206,18 @@ class Matrix:
     @property
     def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
         """The transposed matrix."""
-        x, y, z = self.row_x, self.row_y, self.row_z
-        return Matrix(Vector(x.x, y.x, z.x), Vector(x.y, y.y, z.y), Vector(x.z, y.z, z.z))
+        return Matrix(*(Vector(*column) for column in zip(*self.rows, strict=True)))
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """Return the matrix minus the outer product of `column` and `row`."""
-        return Matrix(
-            self.row_x - row * column.x, self.row_y - row * column.y, self.row_z - row * column.z
-        )
+        return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
         """Return the inverse of a regular matrix, computed from its cofactors."""
-        x, y, z = self.row_x, self.row_y, self.row_z
-        columns = Matrix(y.cross(z), z.cross(x), x.cross(y))
-        scale = 1.0 / x.dot(columns.row_x)
-        return Matrix(columns.row_x * scale, columns.row_y * scale, columns.row_z * scale).T
+        x, y, z = self.rows
+        columns = y.cross(z), z.cross(x), x.cross(y)
+        scale = 1.0 / x.dot(columns[0])
+        return Matrix(*(column * scale for column in columns)).T
 
 
 IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
@@ -252,19 +247,18 @@ class EulerParameters:
 
 _KINDS = (Vector, EulerParameters, Matrix)
 Pattern: TypeAlias = tuple[float | None, ...] | None
-"""Structural components of an array: for each component 0.0, 1.0 or ``None`` if it is not
-structural. ``None`` for the whole pattern stands for an array without structural components."""
+"""Structural components of an array: for each component 0.0, 1.0, or ``None`` if it is not
+structural. The pattern of an array without structural components may be ``None``."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ConstantFolded:
-    """PyTree of numbers, with a list of the structural components of its vectors and matrices.
+    """PyTree of numbers, with the structural components of its vectors and matrices.
 
     - `tree`: numbers and arrays.
-    - `patterns`: for each leaf of `tree`, in JAX's order, a tuple with one entry for each component
-      (row by row for a matrix): 0.0 or 1.0 if the component is structural, else ``None``. The entry
-      of a leaf that is no vector or matrix is ``None``.
+    - `patterns`: structural components of each leaf of `tree`, in JAX's order; for a matrix, row by
+      row.
     """
 
     tree: PyTree
@@ -274,8 +268,10 @@ class ConstantFolded:
 def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
-    **Arguments:** `varied`: a PyTree of the same structure with a boolean for each leaf. Leaves
-    that are true here are not marked, nor are tracers, nor leaves in fields declared as tables.
+    Components of tracers, and of arrays in fields that are declared as tables, are not marked.
+
+    **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
+    a bool for each leaf, true for leaves whose components must not be marked.
     """
     leaves, structure = jax.tree.flatten(tree)
     tables = _in_tables(structure)
@@ -289,7 +285,7 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Return, for each leaf, whether it is in a field declared as a table.
+    """Return for each leaf of a PyTree whether it is in a field that is declared as a table.
 
     Such a field has ``{"table": True}`` in its metadata.
     """
@@ -338,10 +334,10 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by its scalar form.
 
     The scalar forms are `Vector`, `EulerParameters` and `Matrix`. Structural components of a
-    `ConstantFolded` tree become Python numbers. Fields declared as tables keep their arrays.
+    `ConstantFolded` PyTree become Python numbers. Fields declared as tables keep their arrays.
 
-    **Arguments:** `leading`: number of further axes that all arrays have in front. The scalars are
-    then arrays with these axes.
+    **Arguments:** `tree`: PyTree of arrays; `leading`: number of axes that all arrays have before
+    these shapes. The scalars are then arrays with these axes.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
@@ -358,7 +354,7 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 
 def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
-        rows = [_pack_leaf(row) for row in (leaf.row_x, leaf.row_y, leaf.row_z)]
+        rows = [_pack_leaf(row) for row in leaf.rows]
         return library(rows).stack(rows, axis=-2)
     if isinstance(leaf, Vector | EulerParameters):
         parts = jax.tree.leaves(leaf)
@@ -368,16 +364,17 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """Return the module ``numpy`` if all numbers are of NumPy or Python, so that nothing is
-    compiled for them, else ``jax.numpy``."""
+    """Return the module ``jax.numpy`` if any of the numbers is an array of JAX, else ``numpy``.
+
+    Nothing is compiled for computations with NumPy.
+    """
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
 def pack(tree: PyTree) -> PyTree:
-    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by one array: the inverse
-    of `unpack`.
+    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array.
 
-    If components are arrays, their axes stay in front.
+    This is the inverse of `unpack`. If components are arrays, their axes come first.
 
     >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
     array([1., 2., 3.])

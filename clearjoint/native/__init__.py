@@ -1,15 +1,16 @@
-"""Compile jaxprs to machine code with LLVM: scalar arithmetic and loops, without XLA.
+"""Compile jaxprs to machine code with LLVM, without XLA.
 
-`Native` wraps a function as `jax.jit` does. At its first call
+`Native` wraps a function as `jax.jit` does. When the function is first called,
 
-1. JAX traces the function to a jaxpr (`.functions`);
+1. JAX traces it to a jaxpr (`.functions`);
 2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents and arrays in memory
-   (`.operations`). It has a rule for each JAX primitive; the rules are in `.elementwise`,
-   `.elementary`, `.structure`, `.indexing`, `.reductions` and `.control`;
-3. `.llvm_text` writes these in LLVM's language;
-4. `.machine_code` compiles them. `.disk_cache` saves the program for other processes.
+   (`.operations`), by a rule for each JAX primitive. The rules are in `.elementwise`,
+   `.elementary`, `.structure`, `.indexing` and `.control`;
+3. `.llvm_text` writes the operations in LLVM's language;
+4. `.machine_code` compiles this text to machine code, and saves it on disk for other processes.
 
-`.lanes` is a loop that computes eight lanes of a sweep at once.
+The machine code works on memory in which arrays are laid out as in `.cells`. `.lanes` is a loop
+that computes eight lanes of a sweep at once.
 
 On CPUs, calls of the package are compiled by LLVM or by XLA:
 
@@ -26,9 +27,9 @@ On CPUs, calls of the package are compiled by LLVM or by XLA:
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-If a program contains a JAX primitive for which `.lowering` has no rule, XLA compiles the program,
-and a `NativeFallbackWarning` says so. On accelerators XLA compiles every call. Programs that XLA
-compiles are traced again in each process.
+If a program contains a JAX primitive without a rule, XLA compiles the program and a
+`NativeFallbackWarning` is issued. On accelerators XLA compiles every call. JAX traces programs that
+XLA compiles again in each process, although XLA's code is saved.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

@@ -1,61 +1,137 @@
-"""Convert between PyTrees of arrays and rows of cells of 8 bytes, one array after the other."""
+"""Memory of native programs, and the arrays and PyTrees that it holds.
 
+Memory is divided into cells of 8 bytes. A cell holds a float64, or an integer or bool as an int64.
+An array occupies consecutive cells, one for each element in row-major order. A PyTree occupies the
+cells of its arrays, one array after the other.
+"""
+
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import ShapedArray
 from jaxtyping import Float, PyTree
+from numpy.typing import ArrayLike
+
+
+class Region(NamedTuple):
+    """Cells that an array occupies in a program's memory.
+
+    - `cells`: range of the cells.
+    - `shape`, `dtype`: shape and dtype of the array.
+    """
+
+    cells: slice
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+    @staticmethod
+    def of(array: "ShapedArray | jax.ShapeDtypeStruct | np.ndarray", start: int) -> "Region":
+        """Return the region of an array of this shape and dtype whose first cell is `start`."""
+        end = start + math.prod(array.shape)
+        return Region(slice(start, end), tuple(array.shape), np.dtype(array.dtype))
+
+    @property
+    def start(self) -> int:
+        """The first cell."""
+        return self.cells.start
+
+    @property
+    def size(self) -> int:
+        """The number of cells."""
+        return self.cells.stop - self.cells.start
+
+
+def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """Return memory, given as an array of float64, as an array for numbers of a dtype.
+
+    That is `floats` itself for a dtype of floats, and its bits as int64 for integers and bools.
+    """
+    return floats if dtype.kind == "f" else floats.view(np.int64)
+
+
+class Memory:
+    """Memory of a program, in which each cell has one number for each of n lanes.
+
+    - `floats`, `integers`: (cells, n), the same memory as float64 and as int64.
+    - `address`: address of the first cell.
+
+    **Arguments:** `cells`: number of cells; `lanes`: the number n of lanes.
+    """
+
+    def __init__(self, cells: int, lanes: int = 1):
+        # Vectors of the processor are aligned to 64 bytes, which is 8 numbers.
+        numbers = np.zeros(cells * lanes + 8)
+        offset = -(numbers.ctypes.data // 8) % 8
+        self.floats = numbers[offset : offset + cells * lanes].reshape(cells, lanes)
+        self.integers = self.floats.view(np.int64)
+        self.address = self.floats.ctypes.data
+
+    def write(self, region: Region, array: ArrayLike) -> None:
+        """Write an array, which must have the shape of the region, for all lanes."""
+        numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
+
+    def read(self, region: Region) -> np.ndarray:
+        """Return the array of a region of a memory with one lane.
+
+        The array is a view of the memory, or a copy if the dtype has less than 64 bits.
+        """
+        numbers = numbers_of(self.floats, region.dtype)[region.cells]
+        return numbers.reshape(region.shape).astype(region.dtype, copy=False)
 
 
 class Cells:
-    """Conversion between PyTrees and rows of cells; `size` is the number of cells in a row.
+    """Conversion of PyTrees to rows of numbers, as they stand in memory, and back.
 
-    Floats are stored as they are, integers and bools as the bits of 64-bit integers. All PyTrees
-    have the structure, shapes and dtypes of the example.
+    All PyTrees have the structure, shapes, dtypes and static leaves of an example.
+
+    - `size`: number of cells of a PyTree.
+
+    **Arguments:** `example`: PyTree of arrays and static values.
     """
 
     def __init__(self, example: PyTree):
         arrays, self._static = eqx.partition(example, eqx.is_array)
         leaves, self._structure = jax.tree.flatten(arrays)
-        self._avals = [(np.shape(leaf), np.dtype(leaf.dtype)) for leaf in leaves]
-        self._starts = np.cumsum([0, *(np.size(leaf) for leaf in leaves)])
-        self.size = int(self._starts[-1])
+        self._regions: list[Region] = []
+        self.size = 0
+        for leaf in leaves:
+            self._regions.append(Region.of(leaf, self.size))
+            self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example PyTree, in which each element of each array is replaced by the index
-        of its cell in a row."""
-        rows = zip(self._avals, self._starts, strict=False)
-        return self._tree(
-            [
-                start + np.arange(np.prod(shape, dtype=int)).reshape(shape)
-                for (shape, _), start in rows
-            ]
-        )
+        """Return the example with the index of its cell in place of each element of an array."""
+        return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the cells (n, size) of n PyTrees, given as one PyTree whose arrays have a leading
-        axis of length n."""
+        """Return the numbers of n PyTrees, (n, size).
+
+        **Arguments:** `trees`: the n PyTrees as one, whose arrays have a leading axis of length n.
+        """
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
-        count = len(leaves[0]) if leaves else 0
-        floats = np.zeros((count, self.size))
-        integers = floats.view(np.int64)
-        for leaf, (_, dtype), start in zip(leaves, self._avals, self._starts, strict=False):
-            flat = leaf.reshape(count, -1)
-            target = floats if dtype.kind == "f" else integers
-            target[:, start : start + flat.shape[1]] = flat
+        floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))
+        for leaf, region in zip(leaves, self._regions, strict=True):
+            rows = numbers_of(floats, region.dtype)[:, region.cells]
+            rows[:] = leaf.reshape(rows.shape)
         return floats
 
     def trees(self, rows: Float[np.ndarray, "n {self.size}"]) -> PyTree:
-        """Return the n PyTrees in rows of cells (n, size), as one PyTree whose arrays have a
-        leading axis of length n."""
-        floats, leaves = np.ascontiguousarray(rows), []
-        integers = floats.view(np.int64)
-        ends = zip(self._starts, self._starts[1:], strict=False)
-        for (shape, dtype), (start, end) in zip(self._avals, ends, strict=True):
-            source = floats if dtype.kind == "f" else integers
-            leaves.append(source[:, start:end].reshape(len(floats), *shape).astype(dtype))
-        return self._tree(leaves)
+        """Return n PyTrees from their numbers, (n, size), as one PyTree.
+
+        Its arrays have a leading axis of length n.
+        """
+        floats = np.ascontiguousarray(rows)
+        return self._tree(
+            [
+                numbers_of(floats, region.dtype)[:, region.cells]
+                .reshape(len(floats), *region.shape)
+                .astype(region.dtype)
+                for region in self._regions
+            ]
+        )
 
     def _tree(self, leaves: Sequence[np.ndarray]) -> PyTree:
         return eqx.combine(jax.tree.unflatten(self._structure, leaves), self._static)

@@ -1,4 +1,4 @@
-"""Compile functions to native code on CPUs, and by XLA elsewhere."""
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
 
 import os
 import warnings
@@ -20,18 +20,22 @@ Result = TypeVar("Result")
 SWITCH = "CLEARJOINT_NATIVE"
 """Environment variable: with the value 0, XLA compiles everything."""
 _reported: set[str] = set()
+"""Reasons for which a `NativeFallbackWarning` was issued."""
 
 
 class NativeFallbackWarning(UserWarning):
-    """XLA compiles a program, because the scene uses a primitive of JAX without a rule in
-    `clearjoint.native`. Results are correct; compiling takes longer."""
+    """Warning that XLA compiles a program, because `clearjoint.native` has no rule for a primitive.
+
+    Results are correct, but compiling takes longer.
+    """
 
 
 class Native(Generic[Arguments, Result]):
-    """A function that is compiled to native code on CPUs, outside of JAX's transformations.
+    """A function that is compiled when it is first called, on CPUs to native code.
 
-    Arrays in results are then NumPy arrays. XLA compiles the function on accelerators, inside of
-    transformations, and if the function uses a primitive without a rule.
+    XLA compiles the function on accelerators, inside of JAX's transformations (such as `jax.jit`
+    and `jax.grad`), for calls with keyword arguments, and if the function uses a primitive without
+    a rule. Arrays in results of native code are NumPy arrays.
 
     - `native`: the function in native code.
 
@@ -73,10 +77,12 @@ def is_native() -> bool:
 
 
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
-    """Apply a function to the k-th rows of all arrays in `rows`, for each k, and stack the results.
+    """Return the results of a function of the n rows of arrays, in arrays (n, ...).
 
-    XLA computes all rows at once. Native code computes them in a loop, since it would unroll a
-    mapped function to one copy for each row.
+    XLA computes all rows at once. Native code computes them in a loop, because it would contain a
+    copy of a function mapped by `jax.vmap` for each row.
+
+    **Arguments:** `rows`: PyTrees of arrays (n, ...); the function takes one entry of each.
     """
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)
@@ -84,7 +90,7 @@ def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
-    """Warn that XLA compiles a program, once for each reason."""
+    """Issue a `NativeFallbackWarning`, once for each reason, which `error` names."""
     reason = str(error)
     if reason not in _reported:
         _reported.add(reason)

@@ -1,8 +1,11 @@
-"""Lower the primitives for branches and loops; rules have the form that `.structure` describes.
+"""Rules of the primitives for branches and loops.
 
-With several lanes a condition is a vector. A branch is then carried out if its condition holds in
-any lane, and a loop goes on as long as its condition holds in any lane; each lane selects its
-results, and writes to memory only where its own condition holds.
+A rule takes the lowering, the equation and its arguments, adds operations to the program and
+returns the equation's results.
+
+In a program of several lanes a condition is a vector. A branch is executed if its condition holds
+in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
+its results, and writes to memory only where its own condition holds.
 """
 
 import math
@@ -12,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 from jax.extend import core
 
-from . import elementwise
 from .indexing import read_block
 from .lowering import (
     LARGEST_UNROLLED,
     LONGEST_CHOICE,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
@@ -27,12 +30,10 @@ from .lowering import (
     count_equations,
     kind_of,
 )
-from .operations import Value
+from .operations import Symbol, Value
 
 
-def _cond(
-    lower: Lowering, equation: core.JaxprEqn, condition: Array, *arguments: Array
-) -> list[Array]:
+def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
     branches = equation.params["branches"]
     ops = lower.ops
     assert isinstance(condition, int)
@@ -43,7 +44,7 @@ def _cond(
     if len(branches) != 2:
         raise UnsupportedPrimitiveError("switch between more than two branches")
     if ops.kinds[condition] != "b":
-        condition = ops.emit("igt", "b", condition, elementwise.like(ops, condition, 0))
+        condition = Symbol(ops, condition).compare("gt", 0).value
     no, yes = branches
     in_memory = any(aval_of(v).size > LARGEST_UNROLLED for v in equation.outvars)
     no_size, yes_size = (count_equations(branch.jaxpr) for branch in branches)
@@ -60,6 +61,7 @@ def _cond(
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
+    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`."""
     for new, old in zip(yes, no, strict=True):
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
             raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
@@ -79,9 +81,10 @@ def _if_any(
     size: int,
     in_memory: bool,
 ) -> list[Array]:
-    """Lower a branch that is carried out if its condition holds in any lane, and return its
-    results; otherwise these are zero, and no lane selects them. Only lanes in which the condition
-    holds write to memory.
+    """Add a branch that is executed if its condition holds in any lane, and return its results.
+
+    If the condition holds in no lane, the results are zero and are not selected. Only lanes in
+    which the condition holds write to memory.
 
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
@@ -92,18 +95,13 @@ def _if_any(
 
     def compute() -> list[Value]:
         with lower.ops.masked(condition):
-            results[:] = lower.inline(branch, _separate(arguments))
+            results[:] = lower.inline(branch, arguments)
         return lower.flatten(results)
 
     def leave_out() -> list[Value]:
         return [lower.ops.constant(lower.ops.kinds[v], 0) for v in lower.flatten(results)]
 
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
-
-
-def _separate(arguments: Sequence[Array]) -> list[Array]:
-    """Copy the descriptions of arrays in memory: each branch marks its own as not owned."""
-    return [replace(a) if isinstance(a, InMemory) else a for a in arguments]
 
 
 def _branch(
@@ -113,15 +111,16 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
+    """Add a branch in a program of one lane, and return its results."""
     first_results: list[Array] = []
 
     def build(branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
         def compute() -> list[Value]:
-            results = lower.inline(branch, _separate(arguments))
+            results = lower.inline(branch, arguments)
             if not first_results:
                 first_results[:] = results
                 return lower.flatten(results)
-            # The second branch must leave its arrays in the cells in which the first one does.
+            # The second branch must leave its arrays in the same cells as the first one.
             for new, old in zip(results, first_results, strict=True):
                 if isinstance(new, InMemory) and isinstance(old, InMemory):
                     if new.start == old.start:
@@ -137,12 +136,13 @@ def _branch(
     return lower.unflatten(outs, first_results)
 
 
-def _while(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
     inside = outside + parameters["body_nconsts"]
-    # A constant is read in each iteration, and the carries are read after the condition.
+    # Constants are read in each iteration, and the body reads the carries after the condition has
+    # read them: none of these may be overwritten.
     condition_consts = [borrowed(a) for a in arguments[:outside]]
     body_consts = [borrowed(a) for a in arguments[outside:inside]]
 
@@ -158,7 +158,7 @@ def _while(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[
 
 
 def borrowed(array: Array) -> Array:
-    """Return the array marked as not to be overwritten."""
+    """Return the array as one that must not be overwritten."""
     return replace(array, owned=False) if isinstance(array, InMemory) else array
 
 
@@ -177,7 +177,7 @@ def loop(
 
     - `first`: carries before the first iteration.
     - `holds`: adds the condition for a further iteration, as a function of the carries.
-    - `iterate`: adds the body, which returns the next carries.
+    - `iterate`: adds the loop's body, as a function of the carries that returns the next ones.
     - `uniform`: whether the condition is the same in all lanes.
     """
     ops = lower.ops
@@ -195,7 +195,7 @@ def loop(
     def body(values: list[Value]) -> list[Value]:
         results = iterate(arrays(values))
         _move_back(lower, first, results)
-        # Carries keep their form: a vector stays one even if the body returns its elements.
+        # Carries keep their form: a vector stays a vector even if the body returns its elements.
         results = [
             Packed(lower.vector(new))
             if isinstance(old, Packed) and not isinstance(new, Packed | InMemory)
@@ -214,20 +214,21 @@ def loop(
 
 
 def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
-    """Move arrays in memory to the cells in which the next iteration expects them."""
+    """Add copies of arrays in memory to the cells in which the next iteration reads them."""
     moves = [
         (new, old)
         for new, old in zip(results, carries, strict=True)
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start
     ]
-    # Arrays that exchange their cells go through new ones: none is overwritten before it is read.
+    # Carries may exchange their cells. They are copied to new cells first, so that none is
+    # overwritten before it is read.
     taken = {old.start for old in carries if isinstance(old, InMemory)}
     moves = [(lower.copied(new) if new.start in taken else new, old) for new, old in moves]
     for new, old in moves:
         lower.write(new, old.start)
 
 
-def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[Array]:
+def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
         constants, carried = parameters["num_consts"], parameters["num_carry"]
@@ -243,11 +244,11 @@ def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[A
     ]
     outs = [aval_of(v) for v in equation.outvars[carried:]]
     outputs = [lower.new_array(tuple(out.shape), kind_of(out)) for out in outs]
-    one, end = ops.constant("i", 1), ops.constant("i", length - 1)
+    end = ops.constant("i", length - 1)
 
     def first_of_row(memory: InMemory, row: Value) -> Value:
-        size = math.prod(memory.shape[1:])
-        return ops.emit("mul", "i", row, ops.constant("i", size))
+        """Return the row-major index of the first element of a row of an array."""
+        return (Symbol(ops, row) * math.prod(memory.shape[1:])).value
 
     def iterate(carries: list[Array]) -> list[Array]:
         k = carries[0]
@@ -261,7 +262,7 @@ def _scan(lower: Lowering, equation: core.JaxprEqn, *arguments: Array) -> list[A
         results = lower.inline(closed, [*consts, *carries[1:], *items])
         for memory, array in zip(outputs, results[carried:], strict=True):
             lower.write(array, memory.start, first_of_row(memory, row))
-        return [ops.emit("add", "i", k, one), *results[:carried]]
+        return [(Symbol(ops, k) + 1).value, *results[:carried]]
 
     def holds(carries: list[Array]) -> Value:
         assert isinstance(carries[0], int)

@@ -1,27 +1,29 @@
 """Elementary functions as arithmetic, so that vectors of lanes and tangents compute them at once.
 
-The C library would be called for each lane and tangent. Here the same operations are computed at
-any width, so that the bits of a result do not depend on it.
+The C library would be called for each lane and tangent. Here the operations are the same for
+vectors of any length, so that the bits of a result do not depend on the length.
 
-Sines and cosines: reduction by fused multiply-adds (Cody and Waite) and the polynomials of Sun's
-fdlibm. Exponentials, logarithms, powers and hyperbolic tangents: sums of two doubles (Dekker) and
-Taylor's polynomials of a reduced argument. Errors are below one unit in the last place, measured
-with mpmath in the tests: at most 0.95 for `expm1`, 0.8 for sines, cosines and `tanh`, and 0.7 for
-the others. The C library computes results for arguments outside the ranges below, infinities and
-NaN.
+Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
+and by the polynomials of Sun's fdlibm; exponentials, logarithms, powers and hyperbolic tangents by
+sums of two doubles (Dekker) and Taylor's polynomials of a reduced argument. The errors, measured
+with mpmath in the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for
+sines, cosines and `tanh`, and 0.7 for the others. For arguments outside of the ranges below,
+infinities and NaN, the C library is called.
 
-A number of about twice the precision of a double is the sum of two: a high and a low part.
+A number of about twice the precision of a double is the sum of two doubles, a high and a low part.
+The functions here take and return values of a program (`Symbol`), not numbers.
 """
 
 import math
 from collections.abc import Callable, Sequence
 
-from .operations import Number, Operations, Value
+from .operations import Symbol
 
 LARGEST_ANGLE = 1e8
 """Largest argument of sines and cosines, rad."""
 LARGEST_EXPONENT = 700.0
-"""Largest argument of exponentials; of a power, exponent times logarithm of the base."""
+"""Largest argument of exponentials, and for powers the largest product of the exponent and the
+logarithm of the base."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
 """Range of the arguments of logarithms and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
@@ -29,11 +31,11 @@ _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
 _TWO_THIRDS = (2.0 / 3.0, 3.700743415417188e-17)
 """High and low part of 2/3."""
 _LOGARITHM = tuple(2.0 / k for k in range(5, 29, 2))
-"""Coefficients of 2 artanh, from the fifth power on."""
+"""Taylor coefficients of 2 artanh, from the fifth power on."""
 _EXPONENTIAL = tuple(1.0 / math.factorial(k) for k in range(3, 15))
-"""Coefficients of exp, from the third power on."""
+"""Taylor coefficients of exp, from the third power on."""
 _LAST_TANH = 22.0
-"""Argument from which on tanh is one to rounding."""
+"""Argument from which on tanh rounds to one."""
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
 """Bits of the root of 1/2."""
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
@@ -58,296 +60,244 @@ _COSINE = (
 )
 
 
-class _Arithmetic:
-    """Emits arithmetic on floats or on vectors of tangents, according to `kind`.
+def _fma(a: Symbol, b: Symbol | float, c: Symbol | float) -> Symbol:
+    """Return a b + c, rounded once."""
+    return a.emit("fma", b, c)
 
-    Methods append operations to `ops` and return the symbol of the result, not a number.
+
+def _polynomial(x: Symbol, coefficients: Sequence[float]) -> Symbol:
+    """Return the value of a polynomial at x.
+
+    Estrin's scheme joins neighbouring terms in pairs, then the pairs, and so on. Unlike in Horner's
+    scheme, most of the operations do not depend on each other.
+
+    **Arguments:** `coefficients`: by rising powers, at least one.
     """
-
-    def __init__(self, ops: Operations, kind: str):
-        self.ops, self.kind = ops, kind
-        self.suffix = kind[1:]
-
-    def constant(self, number: Number, kind: str = "f") -> Value:
-        value = self.ops.constant(kind, number)
-        return self.ops.emit("splat", kind + self.suffix, value) if self.suffix else value
-
-    def add(self, a: Value, b: Value) -> Value:
-        return self.ops.emit("fadd", self.kind, a, b)
-
-    def subtract(self, a: Value, b: Value) -> Value:
-        return self.ops.emit("fsub", self.kind, a, b)
-
-    def multiply(self, a: Value, b: Value) -> Value:
-        return self.ops.emit("fmul", self.kind, a, b)
-
-    def fused(self, a: Value, b: Value, c: Value) -> Value:
-        """Return a b + c, rounded once."""
-        return self.ops.emit("fma", self.kind, a, b, c)
-
-    def polynomial(self, x: Value, coefficients: Sequence[float]) -> Value:
-        """Emit the evaluation of a polynomial at x, and return its value.
-
-        Estrin's scheme joins neighbouring terms in pairs, then the pairs, and so on. Unlike
-        Horner's, most of its operations don't wait for each other.
-
-        **Arguments:** `coefficients`: by rising powers, at least one.
-        """
-        terms = [self.constant(coefficient) for coefficient in coefficients]
-        while len(terms) > 1:
-            rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
-            pairs = zip(terms[::2], terms[1::2], strict=False)
-            terms = [self.fused(high, x, low) for low, high in pairs] + rest
-            x = self.multiply(x, x)
-        return terms[0]
-
-    def negative(self, a: Value) -> Value:
-        return self.ops.emit("fneg", self.kind, a)
-
-    def divide(self, a: Value, b: Value) -> Value:
-        return self.ops.emit("fdiv", self.kind, a, b)
-
-    def product(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """Return the exact product a b as the sum of a high and a low part."""
-        high = self.multiply(a, b)
-        return high, self.fused(a, b, self.negative(high))
-
-    def total(self, a: Value, b: Value) -> tuple[Value, Value]:
-        """Return the exact sum a + b as the sum of a high and a low part (Knuth)."""
-        high = self.add(a, b)
-        moved = self.subtract(high, a)
-        low = self.subtract(a, self.subtract(high, moved))
-        return high, self.add(low, self.subtract(b, moved))
-
-    def rounded(self, a: Value) -> tuple[Value, Value]:
-        """Return the integer n nearest to a, as a float and as an integer whose last bits are n."""
-        shifted = self.add(a, self.constant(_ROUNDING))
-        return self.subtract(shifted, self.constant(_ROUNDING)), self.bits(shifted)
-
-    def scaled(self, a: Value, n: Value) -> Value:
-        """Return a 2**n for an integer n; both a and the result must be normal numbers."""
-        shift = self.whole("shift_left", n, 52)
-        return self.of_bits(self.ops.emit("add", f"i{self.suffix}", self.bits(a), shift))
-
-    def whole(self, name: str, a: Value, number: int) -> Value:
-        return self.ops.emit(name, f"i{self.suffix}", a, self.constant(number, "i"))
-
-    def of_bits(self, whole: Value) -> Value:
-        return self.ops.emit("float_of_bits", self.kind, whole)
-
-    def within(self, least: float, value: Value, largest: float) -> Value:
-        condition = f"b{self.suffix}"
-        above = self.ops.emit("fge", condition, value, self.constant(least))
-        return self.ops.emit(
-            "and", condition, above, self.ops.emit("fle", condition, value, self.constant(largest))
-        )
-
-    def bits(self, value: Value) -> Value:
-        return self.ops.emit("float_bits", f"i{self.suffix}", value)
-
-    def has_bit(self, whole: Value, bit: int) -> Value:
-        masked = self.ops.emit("and", f"i{self.suffix}", whole, self.constant(bit, "i"))
-        return self.ops.emit("ine", f"b{self.suffix}", masked, self.constant(0, "i"))
-
-    def select(self, condition: Value, yes: Value, no: Value) -> Value:
-        return self.ops.emit("select", self.kind, condition, yes, no)
+    terms = [x.like(coefficient) for coefficient in coefficients]
+    while len(terms) > 1:
+        rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
+        pairs = zip(terms[::2], terms[1::2], strict=False)
+        terms = [_fma(high, x, low) for low, high in pairs] + rest
+        x = x * x
+    return terms[0]
 
 
-def _sine_and_cosine(ops: Operations, kind: str, angle: Value) -> tuple[Value, Value, Value]:
+def _product(a: Symbol, b: Symbol | float) -> tuple[Symbol, Symbol]:
+    """Return the exact product a b as the sum of a high and a low part."""
+    high = a * b
+    return high, _fma(a, b, -high)
+
+
+def _sum(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
+    """Return the exact sum a + b as the sum of a high and a low part (Knuth)."""
+    high = a + b
+    moved = high - a
+    low = a - (high - moved)
+    return high, low + (b - moved)
+
+
+def _bits(a: Symbol) -> Symbol:
+    """Return the bits of a float as an integer."""
+    return a.emit("float_bits", letter="i")
+
+
+def _of_bits(bits: Symbol) -> Symbol:
+    """Return the float with the given bits."""
+    return bits.emit("float_of_bits", letter="f")
+
+
+def _scaled(a: Symbol, n: Symbol) -> Symbol:
+    """Return a 2**n for an integer n; both a and the result must be normal numbers."""
+    return _of_bits(_bits(a) + n.emit("shift_left", 52))
+
+
+def _within(least: float, a: Symbol, largest: float) -> Symbol:
+    return a.compare("ge", least) & a.compare("le", largest)
+
+
+def _has_bit(a: Symbol, bit: int) -> Symbol:
+    return (a & bit).compare("ne", 0)
+
+
+def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
     """Return sine and cosine of angle - n pi/2 for the nearest integer n, and n.
 
     Angles are in rad. The third result is an integer whose last bits are n.
     """
-    a = _Arithmetic(ops, kind)
-    rounding = a.constant(_ROUNDING)
-    shifted = a.fused(angle, a.constant(2.0 / math.pi), rounding)
-    minus = ops.emit("fneg", kind, a.subtract(shifted, rounding))
+    shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
+    minus = -(shifted - _ROUNDING)
     # x + tail = angle - n pi/2, with pi/2 as a sum of three doubles. The first difference is exact.
     # Near multiples of pi/2 it is as small as the second term, so the rounding error of their sum
     # is computed too (Knuth) and becomes part of the tail.
-    first, second = a.fused(minus, a.constant(_HALF_PI[0]), angle), a.constant(_HALF_PI[1])
-    product = a.multiply(minus, second)
-    x = a.add(first, product)
-    moved = a.subtract(x, first)
-    tail = a.add(a.subtract(first, a.subtract(x, moved)), a.subtract(product, moved))
-    tail = a.add(tail, a.fused(minus, second, ops.emit("fneg", kind, product)))
-    tail = a.fused(minus, a.constant(_HALF_PI[2]), tail)
+    first, second = _fma(minus, _HALF_PI[0], angle), minus * _HALF_PI[1]
+    x = first + second
+    moved = x - first
+    tail = (first - (x - moved)) + (second - moved)
+    tail = tail + _fma(minus, _HALF_PI[1], -second)
+    tail = _fma(minus, _HALF_PI[2], tail)
     # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order.
-    z = a.multiply(x, x)
-    cube, half = a.multiply(z, x), a.constant(0.5)
-    r = a.polynomial(z, _SINE[1:])
-    inner = a.subtract(a.multiply(half, tail), a.multiply(cube, r))
-    inner = a.subtract(a.multiply(z, inner), tail)
-    sine = a.subtract(x, a.subtract(inner, a.multiply(cube, a.constant(_SINE[0]))))
-    one, half_square = a.constant(1.0), a.multiply(half, z)
-    head = a.subtract(one, half_square)
-    rest = a.subtract(a.subtract(one, head), half_square)
-    r = a.multiply(z, a.polynomial(z, _COSINE))
-    rest = a.add(rest, a.subtract(a.multiply(z, r), a.multiply(x, tail)))
-    return sine, a.add(head, rest), a.bits(shifted)
+    z, half, one = x * x, x.like(0.5), x.like(1.0)
+    cube = z * x
+    inner = half * tail - cube * _polynomial(z, _SINE[1:])
+    inner = z * inner - tail
+    sine = x - (inner - cube * _SINE[0])
+    half_square = half * z
+    head = one - half_square
+    rest = (one - head) - half_square
+    r = z * _polynomial(z, _COSINE)
+    rest = rest + (z * r - x * tail)
+    return sine, head + rest, _bits(shifted)
 
 
-def _with_library(a: _Arithmetic, name: str, fits: Value, usual: Value, *given: Value) -> Value:
-    """Replace the result by the C library's in lanes whose arguments are out of range.
+def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
+    """Replace the result by that of the C library in lanes whose arguments are out of range.
 
     The library is called only if there is such a lane.
+
+    **Arguments:** `name`: name of the function; `fits`: whether the arguments are in range;
+    `usual`: the result for arguments in range.
     """
-    beyond = a.ops.emit("not", f"b{a.suffix}", fits)
+    ops, beyond = usual.ops, ~fits
+    first, *others = arguments
 
-    def rare() -> list[Value]:
-        return [a.select(beyond, a.ops.emit(name, a.kind, *given), usual)]
+    def rare() -> list[int]:
+        return [beyond.select(first.emit(name, *others), usual).value]
 
-    return a.ops.branch(beyond, rare, lambda: [usual])[0]
-
-
-def _circular(name: str) -> Callable[..., Value]:
-    """The rule for "sin" or "cos"."""
-
-    def rule(ops: Operations, kind: str, parameters: object, angle: Value) -> Value:
-        if ops.number(angle) is not None:
-            return ops.constant("f", getattr(math, name)(float(ops.constants[angle])))
-        a = _Arithmetic(ops, kind)
-        sine, cosine, quarter = _sine_and_cosine(ops, kind, angle)
-        even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
-        size = a.select(a.has_bit(quarter, 1), odd, even)
-        if name == "cos":  # cos(x) = sin(x + pi/2)
-            quarter = ops.emit("add", f"i{a.suffix}", quarter, a.constant(1, "i"))
-        usual = a.select(a.has_bit(quarter, 2), ops.emit("fneg", kind, size), size)
-        fits = a.within(-LARGEST_ANGLE, angle, LARGEST_ANGLE)
-        return _with_library(a, name, fits, usual, angle)
-
-    return rule
+    return Symbol(ops, ops.branch(beyond.value, rare, lambda: [usual.value])[0])
 
 
-def _logarithm_of(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
-    """Return high and low part of the logarithm of a positive normal number."""
+def _sine(angle: Symbol, name: str = "sin") -> Symbol:
+    """Return the sine of an angle in rad, or with `name` "cos" the cosine."""
+    known = angle.ops.number(angle.value)
+    if known is not None:
+        return angle.like(getattr(math, name)(float(known)))
+    sine, cosine, quarter = _sine_and_cosine(angle)
+    even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
+    size = _has_bit(quarter, 1).select(odd, even)
+    if name == "cos":  # cos(x) = sin(x + pi/2)
+        quarter = quarter + 1
+    usual = _has_bit(quarter, 2).select(-size, size)
+    return _with_library(name, _within(-LARGEST_ANGLE, angle, LARGEST_ANGLE), usual, angle)
+
+
+def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
+    """Return the logarithm of a positive normal number as a high and a low part."""
     # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh(s) with
     # s = (m - 1) / (m + 1) = f / divisor, as s + s_low.
-    bits = a.bits(x)
-    above = a.whole("sub", bits, _ROOT_OF_HALF)
-    k = a.whole("shift_right", above, 52)
-    m = a.of_bits(a.ops.emit("sub", f"i{a.suffix}", bits, a.whole("shift_left", k, 52)))
-    rounding = a.constant(_ROUNDING)
-    number = a.subtract(a.of_bits(a.ops.emit("add", f"i{a.suffix}", k, a.bits(rounding))), rounding)
-    one = a.constant(1.0)
-    f, (divisor, rest) = a.subtract(m, one), a.total(m, one)
-    inverse = a.divide(one, divisor)
-    s = a.multiply(f, inverse)
-    s_low = a.fused(a.negative(s), divisor, f)
-    s_low = a.multiply(a.fused(a.negative(s), rest, s_low), inverse)
+    bits = _bits(x)
+    k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
+    m = _of_bits(bits - k.emit("shift_left", 52))
+    number = _of_bits(k + _bits(x.like(_ROUNDING))) - _ROUNDING
+    one = x.like(1.0)
+    f, (divisor, rest) = m - one, _sum(m, one)
+    inverse = one / divisor
+    s = f * inverse
+    s_low = _fma(-s, divisor, f)
+    s_low = _fma(-s, rest, s_low) * inverse
     # 2 artanh(s) = 2 s + s (2/3 s**2 + ...): the sum in parentheses is w + w_low.
-    square, square_low = a.product(s, s)
-    square_low = a.fused(a.add(s, s), s_low, square_low)
-    third, third_low = a.product(square, a.constant(_TWO_THIRDS[0]))
-    third_low = a.fused(square, a.constant(_TWO_THIRDS[1]), third_low)
-    third_low = a.fused(square_low, a.constant(_TWO_THIRDS[0]), third_low)
-    tail = a.multiply(a.multiply(square, square), a.polynomial(square, _LOGARITHM))
-    w = a.add(third, tail)
-    w_low = a.add(a.add(a.subtract(third, w), tail), third_low)
-    cubic, cubic_low = a.product(s, w)
-    cubic_low = a.fused(s_low, w, a.fused(s, w_low, cubic_low))
-    twice, twice_low = a.add(s, s), a.add(s_low, s_low)
-    high = a.add(twice, cubic)
-    low = a.add(a.add(a.add(a.subtract(twice, high), cubic), cubic_low), twice_low)
+    square, square_low = _product(s, s)
+    square_low = _fma(s + s, s_low, square_low)
+    third, third_low = _product(square, _TWO_THIRDS[0])
+    third_low = _fma(square, _TWO_THIRDS[1], third_low)
+    third_low = _fma(square_low, _TWO_THIRDS[0], third_low)
+    tail = (square * square) * _polynomial(square, _LOGARITHM)
+    w = third + tail
+    w_low = ((third - w) + tail) + third_low
+    cubic, cubic_low = _product(s, w)
+    cubic_low = _fma(s_low, w, _fma(s, w_low, cubic_low))
+    twice, twice_low = s + s, s_low + s_low
+    high = twice + cubic
+    low = (((twice - high) + cubic) + cubic_low) + twice_low
     # log x = k log(2) + log m. The first product is exact.
-    first = a.multiply(number, a.constant(_LN_2[0]))
-    result = a.add(first, high)
-    low = a.fused(number, a.constant(_LN_2[1]), low)
-    return result, a.add(a.add(a.subtract(first, result), high), low)
+    first = number * _LN_2[0]
+    result = first + high
+    low = _fma(number, _LN_2[1], low)
+    return result, ((first - result) + high) + low
 
 
-def _exponential_of(
-    a: _Arithmetic, x: Value, x_low: Value
-) -> tuple[Value, Value, tuple[Value, Value]]:
-    """Return r, p and n of exp(x + x_low) = 2**n (1 + r + p), n as a float and as an integer."""
-    n, whole = a.rounded(a.multiply(x, a.constant(1.0 / math.log(2.0))))
-    minus = a.negative(n)
-    r = a.fused(minus, a.constant(_LN_2[0]), x)
-    r, r_low = a.total(r, a.fused(minus, a.constant(_LN_2[1]), x_low))
-    cube = a.multiply(r, a.polynomial(r, _EXPONENTIAL))
-    p = a.fused(a.multiply(r, r), a.add(a.constant(0.5), cube), r_low)
-    return r, p, (n, whole)
+def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
+    """Return r, p and n of exp(x + x_low) = 2**n (1 + r + p).
+
+    n is an integer, and p is small.
+    """
+    shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
+    minus = -(shifted - _ROUNDING)
+    r, r_low = _sum(_fma(minus, _LN_2[0], x), _fma(minus, _LN_2[1], x_low))
+    cube = r * _polynomial(r, _EXPONENTIAL)
+    return r, _fma(r * r, r.like(0.5) + cube, r_low), _bits(shifted)
 
 
-def _exponential_from(a: _Arithmetic, x: Value, x_low: Value) -> Value:
-    r, p, (_, n) = _exponential_of(a, x, x_low)
-    one = a.constant(1.0)
-    y = a.add(one, r)
-    return a.scaled(a.add(y, a.add(a.subtract(r, a.subtract(y, one)), p)), n)
+def _exponential_from(x: Symbol, x_low: Symbol | float) -> Symbol:
+    """Return exp(x + x_low)."""
+    r, p, n = _exponential_of(x, x_low)
+    one = r.like(1.0)
+    y = one + r
+    return _scaled(y + ((r - (y - one)) + p), n)
 
 
-def _exponential_less_one(a: _Arithmetic, x: Value) -> tuple[Value, Value]:
-    """Return high and low part of exp(x) - 1."""
-    r, p, (_, n) = _exponential_of(a, x, a.constant(0.0))
-    one = a.constant(1.0)
-    scale = a.scaled(one, n)
-    high, low = a.total(scale, a.negative(one))
-    high, lower = a.total(high, a.multiply(scale, r))
-    return a.total(high, a.add(a.add(low, lower), a.multiply(scale, p)))
+def _exponential_less_one(x: Symbol) -> tuple[Symbol, Symbol]:
+    """Return exp(x) - 1 as a high and a low part."""
+    r, p, n = _exponential_of(x, 0.0)
+    one = x.like(1.0)
+    scale = _scaled(one, n)
+    high, low = _sum(scale, -one)
+    high, lower = _sum(high, scale * r)
+    return _sum(high, (low + lower) + scale * p)
 
 
-def _exponential(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(ops, kind)
-    usual = _exponential_from(a, x, a.constant(0.0))
-    return _with_library(a, "exp", a.within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT), usual, x)
+def _exponential(x: Symbol) -> Symbol:
+    fits = _within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT)
+    return _with_library("exp", fits, _exponential_from(x, 0.0), x)
 
 
-def _expm1(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(ops, kind)
-    usual = _keeping_zero(a, x, _exponential_less_one(a, x)[0])
-    return _with_library(a, "expm1", a.within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT), usual, x)
+def _expm1(x: Symbol) -> Symbol:
+    usual = _keeping_zero(x, _exponential_less_one(x)[0])
+    return _with_library("expm1", _within(-LARGEST_EXPONENT, x, LARGEST_EXPONENT), usual, x)
 
 
-def _tanh(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
-    """E / (E + 2) with E = exp(2 |x|) - 1, and the sign of x."""
-    a = _Arithmetic(ops, kind)
-    size, last = ops.emit("abs", kind, x), a.constant(_LAST_TANH)
-    size = a.select(ops.emit("fgt", f"b{a.suffix}", size, last), last, size)
-    high, low = _exponential_less_one(a, a.add(size, size))
-    divisor, rest = a.total(a.constant(2.0), high)
-    q = a.divide(high, divisor)
-    left = a.add(a.fused(a.negative(q), divisor, high), low)
-    left = a.fused(a.negative(q), a.add(rest, low), left)
-    return ops.emit("copysign", kind, a.add(q, a.divide(left, divisor)), x)
+def _tanh(x: Symbol) -> Symbol:
+    """Return tanh(x) as E / (E + 2) with E = exp(2 |x|) - 1, and the sign of x."""
+    size, last = x.emit("abs"), x.like(_LAST_TANH)
+    size = size.compare("gt", last).select(last, size)
+    high, low = _exponential_less_one(size + size)
+    divisor, rest = _sum(x.like(2.0), high)
+    q = high / divisor
+    left = _fma(-q, divisor, high) + low
+    left = _fma(-q, rest + low, left)
+    return (q + left / divisor).emit("copysign", x)
 
 
-def _logarithm(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(ops, kind)
-    fits = a.within(LEAST_NORMAL, x, LARGEST_NUMBER)
-    return _with_library(a, "log", fits, a.add(*_logarithm_of(a, x)), x)
+def _logarithm(x: Symbol) -> Symbol:
+    high, low = _logarithm_of(x)
+    return _with_library("log", _within(LEAST_NORMAL, x, LARGEST_NUMBER), high + low, x)
 
 
-def _log1p(ops: Operations, kind: str, parameters: object, x: Value) -> Value:
-    a = _Arithmetic(ops, kind)
-    u, rest = a.total(a.constant(1.0), x)
-    high, low = _logarithm_of(a, u)
-    usual = _keeping_zero(a, x, a.add(high, a.add(low, a.divide(rest, u))))
-    return _with_library(a, "log1p", a.within(LEAST_NORMAL, u, LARGEST_NUMBER), usual, x)
+def _log1p(x: Symbol) -> Symbol:
+    u, rest = _sum(x.like(1.0), x)
+    high, low = _logarithm_of(u)
+    usual = _keeping_zero(x, high + (low + rest / u))
+    return _with_library("log1p", _within(LEAST_NORMAL, u, LARGEST_NUMBER), usual, x)
 
 
-def _keeping_zero(a: _Arithmetic, x: Value, result: Value) -> Value:
+def _keeping_zero(x: Symbol, result: Symbol) -> Symbol:
     """Return the result, or x itself where x is a zero, which has a sign."""
-    return a.select(a.ops.emit("feq", f"b{a.suffix}", x, a.constant(0.0)), x, result)
+    return x.compare("eq", 0.0).select(x, result)
 
 
-def power(ops: Operations, kind: str, base: Value, exponent: Value) -> Value:
-    """Compute a power with a float as exponent."""
-    a = _Arithmetic(ops, kind)
-    high, low = _logarithm_of(a, base)
-    product, rest = a.product(exponent, high)
-    usual = _exponential_from(a, product, a.fused(exponent, low, rest))
-    fits = ops.emit(
-        "and",
-        f"b{a.suffix}",
-        a.within(LEAST_NORMAL, base, LARGEST_NUMBER),
-        a.within(-LARGEST_EXPONENT, product, LARGEST_EXPONENT),
+def power(base: Symbol, exponent: Symbol) -> Symbol:
+    """Return the power of two floats."""
+    high, low = _logarithm_of(base)
+    product, rest = _product(exponent, high)
+    usual = _exponential_from(product, _fma(exponent, low, rest))
+    fits = _within(LEAST_NORMAL, base, LARGEST_NUMBER) & _within(
+        -LARGEST_EXPONENT, product, LARGEST_EXPONENT
     )
-    return _with_library(a, "pow", fits, usual, base, exponent)
+    return _with_library("pow", fits, usual, base, exponent)
 
 
-ELEMENTARY: dict[str, Callable[..., Value]] = {
-    "sin": _circular("sin"),
-    "cos": _circular("cos"),
+ELEMENTARY: dict[str, Callable[[Symbol], Symbol]] = {
+    "sin": _sine,
+    "cos": lambda angle: _sine(angle, "cos"),
     "exp": _exponential,
     "expm1": _expm1,
     "tanh": _tanh,

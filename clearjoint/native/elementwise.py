@@ -1,81 +1,79 @@
-"""Primitives that work element by element, as operations on scalars.
+"""Rules of the primitives that work element by element.
 
-Each rule takes the operations to add to, the kind of the result, the equation's parameters and the
-arguments, and returns the result. The same rules serve vectors of tangents.
+A rule takes the arguments of a primitive as values of the program (`Symbol`) and returns the
+result; the same rules serve scalars and vectors of tangents.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+
+import numpy as np
 
 from .elementary import ELEMENTARY
 from .elementary import power as float_power
 from .llvm_text import LIBRARY
-from .operations import Number, Operations, Value
+from .operations import KINDS, Operations, Symbol, Value
 
-Parameters = Mapping[str, object]
-Rule = Callable[..., Value]
-
-
-def like(ops: Operations, value: Value, number: Number) -> Value:
-    """Return `number` as a constant of the same kind as `value`."""
-    kind = ops.kinds[value]
-    constant = ops.constant(kind[0], number)
-    return ops.emit("splat", kind, constant) if kind.endswith("p") else constant
+Rule = Callable[..., Symbol]
+PARAMETERS = {
+    "integer_pow": "y",
+    "round": "rounding_method",
+    "convert_element_type": "new_dtype",
+}
+"""Parameters of primitives that their rules take as last argument, by the primitives' names."""
 
 
-def condition_kind(ops: Operations, value: Value) -> str:
-    """Return the kind of the result if values of the kind of `value` are compared."""
-    return "bp" if ops.kinds[value].endswith("p") else "b"
+def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
+    """Apply the rule of the primitive `name` to values, and return the value of the result.
+
+    **Arguments:** `parameter`: the primitive's parameter named in `PARAMETERS`, if there is one.
+    """
+    arguments: list[object] = [Symbol(ops, value) for value in values]
+    if parameter is not None:
+        arguments.append(parameter)
+    return RULES[name](*arguments).value
 
 
 def _direct(name: str) -> Rule:
-    """Return the rule that emits the operation `name` for arguments of any kind."""
-
-    def rule(ops: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
-        return ops.emit(name, kind, *arguments)
-
-    return rule
+    """Return the rule that adds the operation `name`, whose result has the kind of its argument."""
+    return lambda a, *others: a.emit(name, *others)
 
 
-def _arithmetic(name: str) -> Rule:
-    def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-        if kind[0] == "f":
-            return ops.emit(f"f{name}", kind, a, b)
-        if kind[0] == "b":
-            return ops.emit({"add": "or", "mul": "and", "sub": "xor"}[name], kind, a, b)
-        return ops.emit(name, kind, a, b)
+def _add(a: Symbol, b: Symbol) -> Symbol:
+    return a | b if a.letter == "b" else a + b
 
-    return rule
+
+def _subtract(a: Symbol, b: Symbol) -> Symbol:
+    return a ^ b if a.letter == "b" else a - b
+
+
+def _multiply(a: Symbol, b: Symbol) -> Symbol:
+    return a & b if a.letter == "b" else a * b
 
 
 def _compare(name: str) -> Rule:
-    def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-        if ops.kinds[a][0] == "b":
-            if name == "ne":
-                return ops.emit("xor", kind, a, b)
-            if name == "eq":
-                return ops.emit("not", kind, ops.emit("xor", kind, a, b))
-            wide = "ip" if kind.endswith("p") else "i"
-            a, b = (ops.emit("bool_to_int", wide, x) for x in (a, b))
-        return ops.emit(("f" if ops.kinds[a][0] == "f" else "i") + name, kind, a, b)
+    """Return the rule of a comparison, named as in `Symbol.compare`."""
+
+    def rule(a: Symbol, b: Symbol) -> Symbol:
+        if a.letter == "b":
+            if name in ("eq", "ne"):
+                return a ^ b if name == "ne" else ~(a ^ b)
+            a, b = convert(a, "i"), convert(b, "i")
+        return a.compare(name, b)
 
     return rule
 
 
 def _compare_totally(name: str) -> Rule:
-    """Return the rule for a comparison in a total order, in which NaN follows all numbers."""
+    """Return the rule of "lt", "le" or "eq" in a total order, in which NaN follows all numbers."""
 
-    def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-        if ops.kinds[a][0] != "f":
-            return _compare(name)(ops, kind, parameters, a, b)
-        a_is_nan, b_is_nan = (ops.emit("is_nan_either", kind, x, x) for x in (a, b))
-        numbers = ops.emit(f"f{name}", kind, a, b)
+    def rule(a: Symbol, b: Symbol) -> Symbol:
+        if a.letter != "f":
+            return _compare(name)(a, b)
+        numbers = a.compare(name, b)
         if name == "eq":
-            return ops.emit("or", kind, numbers, ops.emit("and", kind, a_is_nan, b_is_nan))
-        with_nan = b_is_nan
-        if name == "lt":
-            with_nan = ops.emit("and", kind, b_is_nan, ops.emit("not", kind, a_is_nan))
-        return ops.emit("or", kind, numbers, with_nan)
+            return numbers | (a.is_nan() & b.is_nan())
+        return numbers | (b.is_nan() if name == "le" else b.is_nan() & ~a.is_nan())
 
     return rule
 
@@ -83,230 +81,154 @@ def _compare_totally(name: str) -> Rule:
 def _extreme(name: str) -> Rule:
     """Return the rule for the larger ("gt") or smaller ("lt") of two values; NaN if one is NaN."""
 
-    def rule(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-        if kind[0] == "b":
-            return ops.emit("or" if name == "gt" else "and", kind, a, b)
-        condition = condition_kind(ops, a)
-        if kind[0] != "f":
-            return ops.emit("select", kind, ops.emit(f"i{name}", condition, a, b), a, b)
-        if _is_number(ops, b):
+    def rule(a: Symbol, b: Symbol) -> Symbol:
+        if a.letter == "b":
+            return a | b if name == "gt" else a & b
+        if a.letter != "f":
+            return a.compare(name, b).select(a, b)
+        if _is_number(b):
             a, b = b, a
         # One instruction of x86 processors, which returns the second if either is NaN: correct if
         # only the second can be NaN.
-        extreme = ops.emit("select", kind, ops.emit(f"f{name}", condition, a, b), a, b)
-        if _is_number(ops, a):
-            return extreme
-        return ops.emit("select", kind, ops.emit("is_nan_either", condition, a, a), a, extreme)
+        extreme = a.compare(name, b).select(a, b)
+        return extreme if _is_number(a) else a.is_nan().select(a, extreme)
 
     return rule
 
 
-def _is_number(ops: Operations, value: Value) -> bool:
-    known = ops.repeated_number(value)
+def _is_number(a: Symbol) -> bool:
+    """Return whether a float is known and not NaN."""
+    known = a.ops.repeated_number(a.value)
     return isinstance(known, float) and not math.isnan(known)
 
 
-def _divide(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-    if kind[0] == "f":
-        return ops.emit("fdiv", kind, a, b)
-    return _whole_division(ops, kind, "divide_whole", a, b, like(ops, a, -1))
+def _divide(a: Symbol, b: Symbol) -> Symbol:
+    return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1))
 
 
-def _whole_division(
-    ops: Operations, kind: str, name: str, a: Value, b: Value, by_zero: Value
-) -> Value:
+def _whole_division(name: str, a: Symbol, b: Symbol, by_zero: Symbol) -> Symbol:
     """Divide integers; a division by zero, which LLVM leaves undefined, returns `by_zero`."""
-    is_zero = ops.emit("ieq", condition_kind(ops, a), b, like(ops, a, 0))
-    divisor = ops.emit("select", kind, is_zero, like(ops, a, 1), b)
-    return ops.emit("select", kind, is_zero, by_zero, ops.emit(name, kind, a, divisor))
+    is_zero = b.compare("eq", 0)
+    return is_zero.select(by_zero, a.emit(name, is_zero.select(b.like(1), b)))
 
 
-def _negative(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    if kind[0] == "f":
-        return ops.emit("fneg", kind, a)
-    return ops.emit("sub", kind, like(ops, a, 0), a)
+def _absolute(a: Symbol) -> Symbol:
+    return a.emit("abs") if a.letter == "f" else a.compare("lt", 0).select(-a, a)
 
 
-def _absolute(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    if kind[0] == "f":
-        return ops.emit("abs", kind, a)
-    negative = ops.emit("ilt", condition_kind(ops, a), a, like(ops, a, 0))
-    return ops.emit("select", kind, negative, ops.emit("sub", kind, like(ops, a, 0), a), a)
+def _sign(a: Symbol) -> Symbol:
+    above, below = a.compare("gt", 0), a.compare("lt", 0)
+    # A float that is neither is a zero, which keeps its sign, or NaN.
+    return above.select(a.like(1), below.select(a.like(-1), a if a.letter == "f" else a.like(0)))
 
 
-def _sign(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    condition, zero = condition_kind(ops, a), like(ops, a, 0)
-    prefix = "f" if kind[0] == "f" else "i"
-    above = ops.emit(f"{prefix}gt", condition, a, zero)
-    below = ops.emit(f"{prefix}lt", condition, a, zero)
-    lower = ops.emit("select", kind, below, like(ops, a, -1), a if prefix == "f" else zero)
-    return ops.emit("select", kind, above, like(ops, a, 1), lower)
-
-
-def _is_finite(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    magnitude = ops.emit("abs", ops.kinds[a], a)
-    return ops.emit("flt", kind, magnitude, like(ops, a, math.inf))
-
-
-def power(ops: Operations, kind: str, base: Value, exponent: int) -> Value:
-    """Compute an integer power by repeated squaring."""
+def _integer_power(a: Symbol, exponent: int) -> Symbol:
+    """Return an integer power, by repeated squaring."""
     if exponent < 0:
-        return ops.emit("fdiv", kind, like(ops, base, 1), power(ops, kind, base, -exponent))
-    if exponent == 0:
-        return like(ops, base, 1)
-    product = "fmul" if kind[0] == "f" else "mul"
-    result: Value | None = None
+        return a.like(1) / _integer_power(a, -exponent)
+    result: Symbol | None = None
     while exponent:
         if exponent & 1:
-            result = base if result is None else ops.emit(product, kind, result, base)
+            result = a if result is None else result * a
         exponent >>= 1
         if exponent:
-            base = ops.emit(product, kind, base, base)
-    assert result is not None
-    return result
+            a = a * a
+    return a.like(1) if result is None else result
 
 
-def _integer_power(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    exponent = parameters["y"]
-    assert isinstance(exponent, int)
-    return power(ops, kind, a, exponent)
+def _clamp(low: Symbol, a: Symbol, high: Symbol) -> Symbol:
+    return _extreme("lt")(_extreme("gt")(a, low), high)
 
 
-def _power(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-    if ops.kinds[b][0] != "f":
-        b = convert(ops, kind, b)
-    return float_power(ops, kind, a, b)
+def _logistic(a: Symbol) -> Symbol:
+    return a.like(1) / (a.like(1) + ELEMENTARY["exp"](-a))
 
 
-def _round(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    to_even = int(parameters["rounding_method"]) == 1  # pyright: ignore
-    return ops.emit("round_even" if to_even else "round_away", kind, a)
+def _one_minus_square(a: Symbol) -> Symbol:
+    """Return 1 - a^2 as (1 + a)(1 - a), which is accurate if the square is close to one.
 
-
-def _clamp(
-    ops: Operations, kind: str, parameters: Parameters, low: Value, a: Value, high: Value
-) -> Value:
-    above = _extreme("gt")(ops, kind, parameters, a, low)
-    return _extreme("lt")(ops, kind, parameters, above, high)
-
-
-def _square(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    return power(ops, kind, a, 2)
-
-
-def _inverse_root(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    return ops.emit("fdiv", kind, like(ops, a, 1), ops.emit("sqrt", kind, a))
-
-
-def _logistic(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    exponential = ELEMENTARY["exp"](ops, kind, parameters, ops.emit("fneg", kind, a))
-    return ops.emit(
-        "fdiv", kind, like(ops, a, 1), ops.emit("fadd", kind, like(ops, a, 1), exponential)
-    )
-
-
-def _one_minus_square(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    """1 - a^2 as (1 + a)(1 - a), which is accurate if the square is close to one.
-
-    A primitive from JAX 0.11 on, in derivatives of tanh for instance.
+    This is a primitive from JAX 0.11 on, for instance in derivatives of tanh.
     """
-    one = like(ops, a, 1)
-    above, below = (_arithmetic(n)(ops, kind, parameters, one, a) for n in ("add", "sub"))
-    return _arithmetic("mul")(ops, kind, parameters, above, below)
+    one = a.like(1)
+    return (one + a) * (one - a)
 
 
-def _logarithm_of_base_two(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    """The same formula as XLA's. A primitive from JAX 0.11 on."""
-    natural = ELEMENTARY["log"](ops, kind, parameters, a)
-    return ops.emit("fmul", kind, natural, like(ops, a, 1 / math.log(2)))
+def _logarithm_of_base_two(a: Symbol) -> Symbol:
+    """Return the logarithm by XLA's formula. This is a primitive from JAX 0.11 on."""
+    return ELEMENTARY["log"](a) * (1 / math.log(2))
 
 
-def _polynomial(
-    ops: Operations, kind: str, parameters: Parameters, x: Value, *coefficients: Value
-) -> Value:
-    """Horner's rule; the constant coefficient is first. A primitive from JAX 0.12 on."""
+def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
+    """Return the value of a polynomial by Horner's rule; the constant coefficient is first.
+
+    This is a primitive from JAX 0.12 on.
+    """
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
-        product = _arithmetic("mul")(ops, kind, parameters, total, x)
-        total = _arithmetic("add")(ops, kind, parameters, product, coefficient)
+        total = total * x + coefficient
     return total
 
 
-def _remainder(ops: Operations, kind: str, parameters: Parameters, a: Value, b: Value) -> Value:
-    if kind[0] != "f":
-        return _whole_division(ops, kind, "remainder_whole", a, b, a)
-    return ops.emit("fmod", kind, a, b)
+def _remainder(a: Symbol, b: Symbol) -> Symbol:
+    return a.emit("fmod", b) if a.letter == "f" else _whole_division("remainder_whole", a, b, a)
 
 
-def _copy(ops: Operations, kind: str, parameters: Parameters, a: Value) -> Value:
-    return a
-
-
-def select(
-    ops: Operations, kind: str, parameters: Parameters, index: Value, *cases: Value
-) -> Value:
-    """Return the case that a bool or an integer selects."""
-    if ops.kinds[index][0] == "b":
-        return ops.emit("select", kind, index, cases[1], cases[0])
+def _select(index: Symbol, *cases: Symbol) -> Symbol:
+    """Return the case that a bool or an integer selects; the last one for larger integers."""
+    if index.letter == "b":
+        return index.select(cases[1], cases[0])
     result = cases[-1]
     for number in reversed(range(len(cases) - 1)):
-        is_case = ops.emit("ile", condition_kind(ops, index), index, like(ops, index, number))
-        result = ops.emit("select", kind, is_case, cases[number], result)
+        result = index.compare("le", number).select(cases[number], result)
     return result
 
 
-def convert(ops: Operations, kind: str, value: Value) -> Value:
-    """Convert a value to another kind."""
-    old, new, suffix = ops.kinds[value][0], kind[0], kind[1:]
-    if old == new:
-        return value
+def convert(a: Symbol, letter: str) -> Symbol:
+    """Convert a value to the kind with the given first letter."""
+    old = a.letter
+    if old == letter:
+        return a
     if old == "b":
-        if new == "f":
-            return ops.emit("bool_to_float", kind, value)
-        wide = ops.emit("bool_to_int", f"i{suffix}", value)
-        return wide if new == "i" else ops.emit("narrow", kind, wide)
-    if new == "b":
-        return ops.emit("fne" if old == "f" else "ine", kind, value, like(ops, value, 0))
-    if new == "f":
-        return ops.emit("int_to_float", kind, value)
-    if old == "f":
-        return ops.emit("float_to_int", kind, value)
-    return ops.emit("widen" if new == "i" else "narrow", kind, value)
+        if letter == "f":
+            return a.emit("bool_to_float", letter="f")
+        wide = a.emit("bool_to_int", letter="i")
+        return wide if letter == "i" else wide.emit("narrow", letter="w")
+    if letter == "b":
+        return a.compare("ne", 0)
+    if "f" in (old, letter):
+        return a.emit("int_to_float" if letter == "f" else "float_to_int", letter=letter)
+    return a.emit("widen" if letter == "i" else "narrow", letter=letter)
 
 
 RULES: dict[str, Rule] = {
-    "add": _arithmetic("add"),
-    "add_any": _arithmetic("add"),
-    "sub": _arithmetic("sub"),
-    "mul": _arithmetic("mul"),
+    "add": _add,
+    "add_any": _add,
+    "sub": _subtract,
+    "mul": _multiply,
     "div": _divide,
     **{name: _compare(name) for name in ("lt", "le", "gt", "ge", "eq", "ne")},
     **{f"{name}_to": _compare_totally(name) for name in ("lt", "le", "eq")},
     "max": _extreme("gt"),
     "min": _extreme("lt"),
-    "neg": _negative,
+    "neg": lambda a: -a,
     "abs": _absolute,
     "sign": _sign,
-    "is_finite": _is_finite,
+    "is_finite": lambda a: a.emit("abs").compare("lt", math.inf),
     "integer_pow": _integer_power,
-    "square": _square,
+    "square": lambda a: a * a,
     "one_minus_square": _one_minus_square,
-    "pow": _power,
-    "sqrt": _direct("sqrt"),
-    "rsqrt": _inverse_root,
-    "floor": _direct("floor"),
-    "ceil": _direct("ceil"),
-    "round": _round,
+    "pow": lambda a, b: float_power(a, convert(b, "f")),
+    "rsqrt": lambda a: a.like(1) / a.emit("sqrt"),
+    "round": lambda a, method: a.emit("round_even" if int(method) == 1 else "round_away"),
     "clamp": _clamp,
-    "not": _direct("not"),
-    **{name: _direct(name) for name in ("and", "or", "xor")},
     "logistic": _logistic,
     "log2": _logarithm_of_base_two,
     "polynomial": _polynomial,
     "rem": _remainder,
-    "select_n": select,
-    "convert_element_type": lambda ops, kind, parameters, value: convert(ops, kind, value),
-    **dict.fromkeys(("copy", "copy_p", "stop_gradient", "optimization_barrier"), _copy),
+    "select_n": _select,
+    "convert_element_type": lambda a, dtype: convert(a, KINDS[np.dtype(dtype).name]),
+    **dict.fromkeys(("copy", "copy_p", "stop_gradient", "optimization_barrier"), lambda a: a),
+    **{name: _direct(name) for name in ("sqrt", "floor", "ceil", "not", "and", "or", "xor")},
     **{name: _direct(name) for name in LIBRARY if name not in ("fmod", "pow")},
     **ELEMENTARY,
 }

@@ -1,70 +1,83 @@
-"""Primitives that read or write elements at computed indices; rules as in `.structure`.
+"""Rules of the primitives that read or write elements at computed indices.
 
-A block is a rectangular part of an array. It is described by the flat index of its first element,
-which is computed, and by the known offsets of its elements from there.
+A rule takes the lowering, the equation and its arguments, adds operations to the program and
+returns the equation's results. A block is a rectangular part of an array. It is given by the
+row-major index of its first element, which the program computes, and by the offsets of all its
+elements from there, which are known.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from jax.extend import core
 
-from . import elementwise
-from .elementwise import RULES as ELEMENTWISE
+from .elementwise import apply, convert
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
     UnsupportedPrimitiveError,
     aval_of,
     is_contiguous,
-    kind_of,
 )
-from .operations import Value
+from .operations import Symbol, Value
 
 
 def _strides(shape: Sequence[int]) -> list[int]:
+    """Return for each axis the distance of row-major indices of neighbouring elements."""
     return [math.prod(shape[k + 1 :]) for k in range(len(shape))]
 
 
 def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
-    """Return the offsets of the elements of a block in row-major order."""
+    """Return the offsets of the elements of a block in row-major order.
+
+    **Arguments:** `sizes`, `strides`: along each axis, the block's size and the array's stride.
+    """
     indices = np.indices(tuple(sizes)).reshape(len(sizes), math.prod(sizes))
     return np.array(strides, int) @ indices
 
 
-def _as_index(lower: Lowering, value: Value) -> Value:
-    return elementwise.convert(lower.ops, "i", value)
+def _moved_inside(
+    lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
+) -> tuple[list[Symbol], Symbol]:
+    """Return the starts of a block, moved so that it is inside of the array.
+
+    The second result is a bool: whether the block was inside already.
+
+    **Arguments:** along each axis, `starts`: index at which the block starts; `lengths`, `sizes`:
+    lengths of the array and of the block.
+    """
+    inside: list[Symbol] = []
+    fits = Symbol(lower.ops, lower.ops.constant("b", True))
+    for start, length, size in zip(starts, lengths, sizes, strict=True):
+        given = convert(Symbol(lower.ops, start), "i")
+        low, high = (lower.ops.constant("i", number) for number in (0, length - size))
+        inside.append(Symbol(lower.ops, apply(lower.ops, "clamp", low, given.value, high)))
+        fits &= inside[-1].compare("eq", given)
+    return inside, fits
 
 
-def _clamped(lower: Lowering, index: Value, highest: int) -> Value:
-    low, high = (lower.ops.constant("i", number) for number in (0, highest))
-    return ELEMENTWISE["clamp"](lower.ops, "i", {}, low, _as_index(lower, index), high)
-
-
-def _first_element(
-    lower: Lowering, starts: Sequence[Array], shape: Sequence[int], sizes: Sequence[int]
-) -> Value:
-    """Return the flat index of a block's first element; JAX moves blocks inside of the array."""
-    ops, total = lower.ops, lower.ops.constant("i", 0)
-    rows = zip(starts, shape, sizes, _strides(shape), strict=True)
-    for start, length, size, stride in rows:
-        index = _clamped(lower, lower.values(start)[0], length - size)
-        step = ops.emit("mul", "i", index, ops.constant("i", stride))
-        total = ops.emit("add", "i", total, step)
+def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int]) -> Symbol:
+    """Return the row-major index of an element from its indices along the axes."""
+    total = Symbol(lower.ops, lower.ops.constant("i", 0))
+    for index, stride in zip(indices, strides, strict=True):
+        total += index * stride
     return total
 
 
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return the elements at known offsets from an index that the program computes, as an array of
-    the given shape."""
+    """Return a block of an array in memory as an array of the given shape.
+
+    **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
+    its elements from there.
+    """
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -84,24 +97,33 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
     return [lower.ops.load(memory.kind, memory.start + int(k), first) for k in offsets]
 
 
+def _block_of_slice(
+    lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
+) -> tuple[Value, np.ndarray]:
+    """Return the index of the first element of a slice, and the offsets of its elements."""
+    values = [lower.values(start)[0] for start in starts]
+    inside, _ = _moved_inside(lower, values, shape, sizes)
+    strides = _strides(shape)
+    return _flat_index(lower, inside, strides).value, _offsets(sizes, strides)
+
+
 def _dynamic_slice(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, *starts: Array
+    lower: Lowering, equation: Equation, array: Array, *starts: Array
 ) -> list[Array]:
-    shape, sizes = aval_of(equation.invars[0]).shape, tuple(equation.params["slice_sizes"])
-    first = _first_element(lower, starts, shape, sizes)
-    offsets = _offsets(sizes, _strides(shape))
+    shape = tuple(aval_of(equation.invars[0]).shape)
+    sizes = tuple(equation.params["slice_sizes"])
+    first, offsets = _block_of_slice(lower, shape, sizes, starts)
     known = lower.ops.number(first)
     if known is not None:
         return [lower.take(array, (offsets + int(known)).reshape(sizes))]
-    return [read_block(lower, lower.in_memory(array, tuple(shape)), first, offsets, sizes)]
+    return [read_block(lower, lower.in_memory(array, shape), first, offsets, sizes)]
 
 
 def _dynamic_update_slice(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, update: Array, *starts: Array
+    lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
-    first = _first_element(lower, starts, shape, sizes)
-    offsets = _offsets(sizes, _strides(shape))
+    first, offsets = _block_of_slice(lower, shape, sizes, starts)
     known = lower.ops.number(first)
     small = not isinstance(array, InMemory)
     if small and known is not None:
@@ -122,72 +144,84 @@ def _dynamic_update_slice(
     return [lower.read(memory) if small else replace(memory, owned=True)]
 
 
-def _gather(lower: Lowering, equation: core.JaxprEqn, array: Array, indices: Array) -> list[Array]:
+def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
     """Return one block of the array for each row of indices (see `jax.lax.gather`)."""
-    parameters, shape = equation.params, aval_of(equation.invars[0]).shape
-    numbers = parameters["dimension_numbers"]
-    sizes, out = parameters["slice_sizes"], aval_of(equation.outvars[0])
-    fills = "FILL" in str(parameters["mode"])
+    ops, parameters = lower.ops, equation.params
+    numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     if numbers.operand_batching_dims:
         raise UnsupportedPrimitiveError("gather of batches")
-    *batch, depth = aval_of(equation.invars[1]).shape
+    shape, index_shape = (tuple(aval_of(v).shape) for v in equation.invars)
+    out, strides = aval_of(equation.outvars[0]), _strides(shape)
+    # A row of indices has the start of a block along these axes of the array.
+    *batch, depth = index_shape
+    axes = numbers.start_index_map
+    # A block has the axes of the array that are not collapsed.
     block_axes = [k for k in range(len(shape)) if k not in numbers.collapsed_slice_dims]
-    block = [sizes[k] for k in block_axes]
-    strides = _strides(shape)
+    block = [sizes[axis] for axis in block_axes]
     offsets = _offsets(block, [strides[axis] for axis in block_axes])
-    memory: InMemory | None = array if isinstance(array, InMemory) else None
-    small = None if memory is not None else lower.values(array)
+    fills = "FILL" in str(parameters["mode"])
 
-    def block_at(starts: list[Value]) -> list[Value]:
-        nonlocal memory
-        ops = lower.ops
-        first, fits = ops.constant("i", 0), ops.constant("b", True)
-        for start, axis in zip(starts, numbers.start_index_map, strict=True):
-            given = _as_index(lower, start)
-            index = _clamped(lower, given, shape[axis] - sizes[axis])
-            fits = ops.emit("and", "b", fits, ops.emit("ieq", "b", index, given))
-            step = ops.emit("mul", "i", index, ops.constant("i", strides[axis]))
-            first = ops.emit("add", "i", first, step)
-        known = ops.number(first)
-        if small is not None and known is not None:
-            values = [small[int(known) + int(k)] for k in offsets]
-        else:
-            # A small array is written to memory once, for all blocks at computed indices.
-            if memory is None:
-                memory = lower.in_memory(array, tuple(shape))
-            values = _elements(lower, memory, first, offsets)
+    def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
+        """Return the elements of the block with the given starts along `axes`."""
+        lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
+        inside, fits = _moved_inside(lower, starts, lengths, extents)
+        values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
         if not fills:
             return values
         # The block was read from inside of the array; it is replaced if it lies outside.
         kind = ops.kinds[values[0]]
         missing = ops.constant(kind, _fill_value(parameters["fill_value"], out.dtype))
-        return [ops.emit("select", kind, fits, value, missing) for value in values]
+        return [ops.emit("select", kind, fits.value, value, missing) for value in values]
 
-    count = math.prod(batch)
     if out.size <= LARGEST_UNROLLED:
+        read = _block_reader(lower, array, shape, offsets)
         flat = lower.values(indices)
-        blocks = [block_at(flat[k * depth : (k + 1) * depth]) for k in range(count)]
+        blocks = [
+            block_at(flat[k * depth : (k + 1) * depth], read) for k in range(math.prod(batch))
+        ]
         values = np.array(blocks, dtype=np.int64).reshape([*batch, *block])
         # The axes of a block go to `offset_dims` of the result, those of the batch between them.
         values = np.moveaxis(values, range(len(batch), values.ndim), numbers.offset_dims)
         return [lower.array(values.ravel().tolist(), tuple(out.shape))]
+
+    # A large result is written by a loop over the blocks, each after the previous one.
     if tuple(numbers.offset_dims) != tuple(range(len(batch), len(out.shape))):
         raise UnsupportedPrimitiveError("gather of large transposed arrays")
-    table = lower.in_memory(indices, tuple(aval_of(equation.invars[1]).shape))
-    if memory is None:
-        memory = lower.in_memory(array, tuple(shape))
+    table, memory = lower.in_memory(indices, index_shape), lower.in_memory(array, shape)
     result = lower.new_array(tuple(out.shape), memory.kind)
+    read = _block_reader(lower, memory, shape, offsets)
 
     def visit(k: Value) -> None:
-        ops = lower.ops
-        row = ops.emit("mul", "i", k, ops.constant("i", depth))
-        starts = [ops.load(table.kind, table.start + j, row) for j in range(depth)]
-        first = ops.emit("mul", "i", k, ops.constant("i", offsets.size))
-        for j, value in enumerate(block_at(starts)):
-            ops.store(value, result.start + j, first)
+        row, first = (Symbol(ops, k) * size for size in (depth, offsets.size))
+        starts = [ops.load(table.kind, table.start + j, row.value) for j in range(depth)]
+        for j, value in enumerate(block_at(starts, read)):
+            ops.store(value, result.start + j, first.value)
 
-    lower.ops.repeat(count, visit)
+    ops.repeat(math.prod(batch), visit)
     return [result]
+
+
+def _block_reader(
+    lower: Lowering, array: Array, shape: tuple[int, ...], offsets: np.ndarray
+) -> Callable[[Value], list[Value]]:
+    """Return a function that returns the elements of a block from the index of its first element.
+
+    **Arguments:** `shape`: shape of the array; `offsets`: (n,) offsets of the block's elements.
+    """
+    memory = array if isinstance(array, InMemory) else None
+    small = None if memory is not None else lower.values(array)
+
+    def read(first: Value) -> list[Value]:
+        nonlocal memory
+        known = lower.ops.number(first)
+        if small is not None and known is not None:
+            return [small[int(known) + int(k)] for k in offsets]
+        # A small array is written to memory once, for all blocks at computed indices.
+        if memory is None:
+            memory = lower.in_memory(array, shape)
+        return _elements(lower, memory, first, offsets)
+
+    return read
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
@@ -203,56 +237,57 @@ def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
 
 def _scatter(
     lower: Lowering,
-    equation: core.JaxprEqn,
+    equation: Equation,
     array: Array,
     indices: Array,
     updates: Array,
     name: str,
 ) -> list[Array]:
-    """A small array with elements replaced by updates, or combined with them by the rule `name`.
+    """Return a small array in which updates replace elements, or are combined with them.
 
-    The index of an update may be computed, so every element is selected from its old value and the
+    The indices of updates may be computed, so each element is selected from its old value and the
     update.
+
+    **Arguments:** `name`: primitive that combines an element and an update; "" to replace it.
     """
-    shape, numbers = aval_of(equation.invars[0]).shape, equation.params["dimension_numbers"]
-    update_shape, depth = aval_of(equation.invars[2]).shape, aval_of(equation.invars[1]).shape[-1]
+    shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
+    numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
     large = [a for a in (array, indices, updates) if isinstance(a, InMemory)]
     if large or numbers.operand_batching_dims:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
-    ops, kind, values = lower.ops, kind_of(aval_of(equation.outvars[0])), lower.values(array)
-    strides, starts, news = _strides(shape), lower.values(indices), lower.values(updates)
+    ops, values, strides = lower.ops, lower.values(array), _strides(shape)
+    starts = lower.values(indices)
     clips = "CLIP" in str(equation.params["mode"])
+    # A row of indices has the start of a window in the array along these axes.
+    axes = numbers.scatter_dims_to_operand_dims
     # Axes of the updates are those of a window in the array, and those of the batch of windows.
     windows = list(numbers.update_window_dims)
     window_axes = [k for k in range(len(shape)) if k not in numbers.inserted_window_dims]
     sizes = {axis: update_shape[k] for k, axis in zip(windows, window_axes, strict=True)}
     batches = [k for k in range(len(update_shape)) if k not in windows]
     batch_shape = [update_shape[k] for k in batches]
-    for new, position in zip(news, np.ndindex(*update_shape), strict=True):
-        batch_position = [position[k] for k in batches]
-        row = int(np.ravel_multi_index(batch_position, batch_shape)) if batch_shape else 0
+    for new, position in zip(lower.values(updates), np.ndindex(*update_shape), strict=True):
+        # The window that contains this update, and where the update is in it.
+        batch = [position[k] for k in batches]
+        row = int(np.ravel_multi_index(batch, batch_shape)) if batch else 0
         offsets = dict.fromkeys(range(len(shape)), 0)
         offsets |= {axis: position[k] for k, axis in zip(windows, window_axes, strict=True)}
-        target, fits = ops.constant("i", 0), ops.constant("b", True)
-        for j, axis in enumerate(numbers.scatter_dims_to_operand_dims):
-            # A window that lies partly outside is dropped as a whole, or with "CLIP" moved inside.
-            given = _as_index(lower, starts[row * depth + j])
-            start = _clamped(lower, given, shape[axis] - sizes.get(axis, 1))
-            if not clips:
-                fits = ops.emit("and", "b", fits, ops.emit("ieq", "b", start, given))
-            start = ops.emit("add", "i", start, ops.constant("i", offsets.pop(axis)))
-            step = ops.emit("mul", "i", start, ops.constant("i", strides[axis]))
-            target = ops.emit("add", "i", target, step)
+        # A window that lies partly outside is dropped as a whole, or with "CLIP" moved inside.
+        lengths, extents = [shape[k] for k in axes], [sizes.get(k, 1) for k in axes]
+        given = starts[row * depth : (row + 1) * depth]
+        inside, fits = _moved_inside(lower, given, lengths, extents)
+        along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
-        target = ops.emit("add", "i", target, ops.constant("i", rest))
-        known = ops.number(target)
+        target = _flat_index(lower, along, [strides[axis] for axis in axes]) + rest
+        # The element with this index is replaced; if the index is computed, it may be any element.
+        known = ops.number(target.value)
         for k in range(len(values)) if known is None else [int(known)]:
             if not 0 <= k < len(values):
                 continue
-            is_target = ops.emit("ieq", "b", target, ops.constant("i", k))
-            replaced = ops.emit("and", "b", fits, is_target)
-            combined = ELEMENTWISE[name](ops, kind, {}, values[k], new) if name else new
-            values[k] = ops.emit("select", kind, replaced, combined, values[k])
+            is_target = target.compare("eq", k)
+            replaced = is_target if clips else fits & is_target
+            combined = apply(ops, name, values[k], new) if name else new
+            values[k] = replaced.select(Symbol(ops, combined), Symbol(ops, values[k])).value
     return [lower.array(values, tuple(shape))]
 
 

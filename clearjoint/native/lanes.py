@@ -1,13 +1,11 @@
-"""Compute several lanes at once by a loop in native code, each in one slot of the processor's
-vectors.
+"""Loops that compute several lanes at once, each in one slot of the processor's vectors.
 
-The memory of a group of lanes has a column for each lane. The loop returns to its host, the Python
-code that calls it, when a lane needs the host, for instance to report rows; this does not affect
-the other lanes. The arithmetic of a lane is the same whatever the other columns contain.
+The memory of a group of lanes has a column for each lane. A loop returns to its host, the Python
+code that called it, as soon as a lane needs the host, for instance to empty a buffer of results;
+this does not affect the other lanes. The arithmetic of a lane does not depend on other columns.
 """
 
 import abc
-import time
 from collections.abc import Callable
 
 import equinox as eqx
@@ -18,31 +16,17 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 from ..compilation.tracing import program_of
+from .cells import Memory, Region, numbers_of
 from .control import borrowed, loop
-from .functions import RULES, Memory, cells_of
-from .llvm_text import llvm_text
-from .lowering import Array, InMemory, Lowering, Region, aval_of
-from .machine_code import compiled
-from .operations import Operations
+from .functions import RULES
+from .lowering import Array, InMemory, Lowering, aval_of
+from .machine_code import Code, Stopwatch
+from .operations import Operations, Symbol, Value
 
 WIDTH = 8
 """Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
 LONGEST_RUN = 4096
 """Number of iterations after which the loop returns at the latest."""
-
-
-class Columns:
-    """Memory of a group of lanes, with a column for each lane.
-
-    - `floats`, `whole`: the same memory, (cells, lanes), as floats and as integers.
-    - `address`: address of the first cell.
-    """
-
-    def __init__(self, cells: int, width: int):
-        memory = Memory(cells * width)
-        self.floats = memory.floats.reshape(cells, width)
-        self.whole = memory.whole.reshape(cells, width)
-        self.address = memory.address
 
 
 class AbstractLaneLoop(abc.ABC):
@@ -62,40 +46,54 @@ class AbstractLaneLoop(abc.ABC):
     status: dict[str, Region]
 
     @abc.abstractmethod
-    def columns(self, shared: PyTree) -> Columns:
-        """Return memory for a group of lanes, with no column occupied."""
+    def columns(self, shared: PyTree) -> Memory:
+        """Return memory for a group of lanes, with no column occupied.
+
+        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
+        """
 
     @abc.abstractmethod
-    def run(self, columns: Columns) -> int:
-        """Advance all lanes until one needs its host, or up to a largest number of steps; return
-        the number of steps."""
+    def run(self, columns: Memory) -> int:
+        """Advance all lanes until one needs its host, or up to a largest number of steps.
 
-    def write_lane(self, columns: Columns, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Put a lane into column `lane`, given the cells of its constant data `own` and of its
-        state, (cells,) each."""
+        **Returns:** the number of steps.
+        """
+
+    def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+        """Put a lane into the column `lane`.
+
+        **Arguments:** `own`, `state`: (cells,) numbers of the lane's constant data and of its
+        state.
+        """
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
-        columns.whole[self.occupied, lane] = 1
+        columns.integers[self.occupied, lane] = 1
 
-    def leave(self, columns: Columns, lane: int) -> None:
+    def leave(self, columns: Memory, lane: int) -> None:
         """Mark a column as not occupied."""
-        columns.whole[self.occupied, lane] = 0
+        columns.integers[self.occupied, lane] = 0
 
-    def status_of(self, columns: Columns) -> dict[str, np.ndarray]:
-        """Return the status of all columns, (lanes,) each, by name."""
+    def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
+        """Return the status of all columns by name, (lanes,) each; the arrays are views."""
         return {
-            name: (columns.floats if region.dtype.kind == "f" else columns.whole)[region.start]
+            name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()
         }
 
 
 class LaneLoop(AbstractLaneLoop):
-    """A loop over the steps of lanes, in native code.
+    """A loop over the steps of `WIDTH` lanes, in machine code.
 
-    **Arguments:** `step(shared, own, state)` returns the state after a step; `status(shared, own,
-    state)` a dictionary of scalars, in which `goes` says whether the lane can take a step without
-    its host. `shared` is the same for all lanes; `own` and `state` belong to one lane. All are
-    PyTrees of arrays.
+    - `code`: the machine code.
+
+    **Arguments:**
+
+    - `step`: function of `shared`, `own` and `state` that returns the state after a step.
+    - `status`: function of the same arguments that returns scalars by name. Among them is "goes",
+      whether the lane can take a step without its host.
+    - `shared`: data of all lanes.
+    - `own`, `state`: constant data and state of one lane. Of these three PyTrees of arrays, only
+      structures, shapes and dtypes are used.
     """
 
     width = WIDTH
@@ -108,102 +106,110 @@ class LaneLoop(AbstractLaneLoop):
         own: PyTree,
         state: PyTree,
     ):
-        began = time.thread_time()
+        stopwatch = Stopwatch()
         arrays, static = eqx.partition((shared, own, state), eqx.is_array)
-        leaves, structure = jax.tree.flatten(arrays)
-        names: list[str] = []
+        names, steps, checks = _traced(step, status, arrays, static)
+        stopwatch.end("tracing")
 
-        def step_of_arrays(*leaves: PyTree) -> list[PyTree]:
-            trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
-            return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
+        # The arguments stand in memory: first `shared` and `own`, then `state`.
+        lowering = Lowering(Operations(width=WIDTH), RULES)
+        ops = lowering.ops
+        regions = [lowering.region(aval_of(v)) for v in steps.jaxpr.invars]
+        arguments = [lowering.argument(region) for region in regions]
+        ends = np.cumsum([0, *(len(jax.tree.leaves(tree)) for tree in arrays)]).tolist()
+        parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        fixed = [borrowed(array) for array in arguments[: ends[2]]]
 
-        def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
-            values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
-            names[:] = values
-            return [jax.numpy.asarray(value) for value in values.values()]
-
-        steps, checks = (program_of(f, *leaves)[0] for f in (step_of_arrays, status_of_arrays))
-        traced = time.thread_time()
-        ops = Operations(width=WIDTH)
-        lowering = Lowering(ops, RULES)
-        avals = [aval_of(v) for v in steps.jaxpr.invars]
-        regions = [Region.of(aval, ops.allocate(aval.size)) for aval in avals]
-        arguments = [
-            lowering.argument(aval, region.start)
-            for aval, region in zip(avals, regions, strict=True)
-        ]
-        counts = [len(jax.tree.leaves(tree)) for tree in arrays]
-        fixed = [borrowed(array) for array in arguments[: counts[0] + counts[1]]]
-        state_regions = regions[len(fixed) :]
+        # Two further cells tell the loop which columns are occupied, and when it must return.
         self.occupied, self._limit = ops.allocate(1), ops.allocate(1)
         occupied, limit = ops.load("b", self.occupied), ops.load("i", self._limit)
         ops.mark_uniform(limit)
 
         def status_values(state: list[Array]) -> list[Array]:
-            return _inlined(lowering, checks, [*fixed, *map(borrowed, state)])
+            return lowering.inline(checks, [*fixed, *map(borrowed, state)])
 
-        def holds(carries: list[Array]) -> int:
+        # The carries of the loop are the number of steps and the arrays of the state.
+        def holds(carries: list[Array]) -> Value:
             count, goes = carries[0], status_values(carries[1:])[names.index("goes")]
             assert isinstance(goes, int) and isinstance(count, int)
             ops.mark_uniform(count)
             # All lanes stop together as soon as one of them needs its host, so that the condition
             # is uniform and no lane's state has to be kept from changing.
-            waits = ops.emit("and", "b", occupied, ops.emit("not", "b", goes))
-            none_waits = ops.emit("not", "b", ops.emit("any", "b", waits))
-            return ops.emit("and", "b", none_waits, ops.emit("ilt", "b", count, limit))
+            waits = Symbol(ops, occupied) & ~Symbol(ops, goes)
+            return (~waits.emit("any") & Symbol(ops, count).compare("lt", Symbol(ops, limit))).value
 
         def iterate(carries: list[Array]) -> list[Array]:
             count = carries[0]
             assert isinstance(count, int)
-            following = ops.emit("add", "i", count, ops.constant("i", 1))
-            return [following, *_inlined(lowering, steps, [*fixed, *carries[1:]])]
+            following = (Symbol(ops, count) + 1).value
+            return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
 
-        first: list[Array] = [ops.constant("i", 0), *arguments[len(fixed) :]]
+        first: list[Array] = [ops.constant("i", 0), *arguments[ends[2] :]]
         count, *after = loop(lowering, first, holds, iterate, uniform=True)
         assert isinstance(count, int)
+
         # The next call goes on with these states.
-        for array, region in zip(after, state_regions, strict=True):
+        for array, region in zip(after, parts[2], strict=True):
             if not (isinstance(array, InMemory) and array.start == region.start):
                 lowering.write(array, region.start)
         outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
         self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
-        lowered = time.thread_time()
-        self.text = llvm_text(ops, count)
-        written = time.thread_time()
-        self._code = compiled(self.text)
-        self._cells, self._constants = ops.cells, lowering.constants
-        self.seconds = {
-            "tracing": traced - began,
-            "lowering": lowered - traced,
-            "writing": written - lowered,
-            "compiling": time.thread_time() - written,
-        }
-        ends = np.cumsum([0, *counts])
-        parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
-        self._shared, self.own_cells, self.state_cells = (
-            slice(part[0].start, part[-1].end) if part else slice(0, 0) for part in parts
+        stopwatch.end("lowering")
+        self.code = Code(lowering, stopwatch, count)
+        self._shared = parts[0]
+        self.own_cells, self.state_cells = (
+            slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0) for part in parts[1:]
         )
 
-    def __getstate__(self) -> dict[str, object]:
-        return {**vars(self), "text": ""}
+    def columns(self, shared: PyTree) -> Memory:
+        """Return memory for a group of lanes, with no column occupied.
 
-    def columns(self, shared: PyTree) -> Columns:
-        """Return memory for a group of lanes, with no column occupied."""
-        columns = Columns(self._cells, WIDTH)
-        for start, array in self._constants.items():
-            columns.floats[start : start + array.size] = cells_of([array])[:, None]
+        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
+        """
+        columns = self.code.memory()
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
-        columns.floats[self._shared] = cells_of(leaves)[:, None]
+        for leaf, region in zip(leaves, self._shared, strict=True):
+            columns.write(region, leaf)
         return columns
 
-    def run(self, columns: Columns) -> int:
-        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps; return the number
-        of steps."""
-        columns.whole[self._limit] = LONGEST_RUN
-        return self._code(columns.address)
+    def run(self, columns: Memory) -> int:
+        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps.
+
+        **Returns:** the number of steps.
+        """
+        columns.integers[self._limit] = LONGEST_RUN
+        return self.code.run(columns)
 
 
-def _inlined(lowering: Lowering, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-    outs = [True] * len(closed.jaxpr.outvars)
-    jaxpr, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
-    return lowering.inline_with(jaxpr, closed.consts, arguments)
+def _traced(
+    step: Callable[..., PyTree],
+    status: Callable[..., dict[str, PyTree]],
+    arrays: tuple[PyTree, PyTree, PyTree],
+    static: tuple[PyTree, PyTree, PyTree],
+) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
+    """Return the names of the status, and the jaxprs of `step` and `status`.
+
+    The arguments of the jaxprs are the leaves of `arrays`, and their results are arrays. Equations
+    that the results don't need are removed.
+
+    **Arguments:** `arrays`, `static`: the functions' arguments, divided by `eqx.partition`.
+    """
+    leaves, structure = jax.tree.flatten(arrays)
+    names: list[str] = []
+
+    def step_of_arrays(*leaves: PyTree) -> list[PyTree]:
+        trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
+        return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
+
+    def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
+        values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
+        names[:] = values
+        return [jax.numpy.asarray(value) for value in values.values()]
+
+    def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
+        closed, _ = program_of(function, *leaves)
+        outs = [True] * len(closed.jaxpr.outvars)
+        needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
+        return core.ClosedJaxpr(needed, closed.consts)
+
+    return names, program(step_of_arrays), program(status_of_arrays)

@@ -1,7 +1,8 @@
 """Text of a program in LLVM's language, written by llvmlite.
 
-A product whose only use is a sum becomes a fused multiply-add with it. This is decided here and not
-by LLVM, whose decisions depend on the number of lanes: a lane then has the same bits at any width.
+A product that is used only as a term of one sum is computed together with the sum, by a fused
+multiply-add. This is decided here, because LLVM's decision would depend on the number of lanes, and
+with it the bits of a lane.
 """
 
 from collections import Counter
@@ -14,29 +15,22 @@ from .operations import Block, Branch, Entry, Loop, Operation, Operations, Value
 
 _BASES = {"f": ir.DoubleType(), "i": ir.IntType(64), "w": ir.IntType(32), "b": ir.IntType(1)}
 _CELL = {"f": "f", "i": "i", "w": "i", "b": "i"}
-"""Kinds of numbers in memory, where all have 64 bits, by their kinds in operations."""
-_INSTRUCTIONS = {
-    **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "add", "sub", "mul")},
-    "and": "and_",
-    "or": "or_",
-    "xor": "xor",
-    "not": "not_",
-    "fneg": "fneg",
-    "select": "select",
-    "divide_whole": "sdiv",
-    "remainder_whole": "srem",
-    "shift_left": "shl",
-    "shift_right": "ashr",
-}
-"""Methods of llvmlite's builder, by the names of operations."""
+"""Kinds of numbers in memory, where all have 64 bits, by the first letters of values' kinds."""
 _SIGNS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
-_COMPARISONS = {
+_INSTRUCTIONS: dict[str, tuple[str, ...]] = {
+    **{name: (name,) for name in ("fadd", "fsub", "fmul", "fdiv", "fneg", "select", "xor")},
+    **{name: (name,) for name in ("add", "sub", "mul")},
+    **{name: (f"{name}_",) for name in ("and", "or", "not")},
+    "divide_whole": ("sdiv",),
+    "remainder_whole": ("srem",),
+    "shift_left": ("shl",),
+    "shift_right": ("ashr",),
     **{f"f{name}": ("fcmp_ordered", sign) for name, sign in _SIGNS.items()},
     **{f"i{name}": ("icmp_signed", sign) for name, sign in _SIGNS.items()},
     "fne": ("fcmp_unordered", "!="),
     "is_nan_either": ("fcmp_unordered", "uno"),
 }
-"""Methods of llvmlite's builder, with the signs that they take, by the names of operations."""
+"""Methods of llvmlite's builder, with the sign that some take first, by the names of operations."""
 _CONVERSIONS = {
     "int_to_float": "sitofp",
     "bool_to_float": "uitofp",
@@ -46,19 +40,16 @@ _CONVERSIONS = {
     "float_bits": "bitcast",
     "float_of_bits": "bitcast",
 }
+"""Methods of llvmlite's builder that take the type of the result, by the names of operations."""
 _INTRINSICS = {
-    "sqrt": "sqrt",
+    **{name: name for name in ("sqrt", "floor", "ceil", "fma", "copysign")},
     "abs": "fabs",
-    "floor": "floor",
-    "ceil": "ceil",
     "round_even": "roundeven",
     "round_away": "round",
-    "fma": "fma",
-    "copysign": "copysign",
 }
-"""Functions of floats for which processors have instructions, or short sequences of them."""
+"""LLVM's functions that most processors have as instructions, by the names of operations."""
 Form: TypeAlias = Any
-"""A type of LLVM, scalar or vector; llvmlite declares no types of attributes for type checkers."""
+"""A type of LLVM, scalar or vector. Type checkers don't know the attributes of llvmlite's types."""
 Word: TypeAlias = Any
 """A value in LLVM's language: a constant, an argument or the result of an instruction."""
 LIBRARY = frozenset(
@@ -73,34 +64,39 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
     In C, the function would be declared as ``int64_t program(double *memory)``. It executes the
-    program, whose cells it reads and writes in `memory`, at an address that is a multiple of 64. A
-    cell has 8 bytes for each lane, which hold a float or a 64-bit integer.
+    program on memory at an address that is a multiple of 64. A cell of the memory has 8 bytes for
+    each lane, which hold a float or a 64-bit integer.
 
-    **Arguments:** `result`: a 64-bit integer of the program, whose number in the first lane the
-    function returns. By default the function returns 0.
+    **Arguments:** `program`: the program; `result`: an integer of kind ``i`` whose number in the
+    first lane the function returns. By default the function returns 0.
     """
     return _Writer(program).module(result)
 
 
 class _Writer:
+    """Writes the text of a program, in two passes over its entries.
+
+    The first pass goes backwards and finds the entries that are needed; the second one writes them.
+    """
+
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
         self._module = ir.Module()
         self._functions: list[ir.Function] = []
         self._values: dict[Value, Word] = {}
         self._uses: Counter[Value] = Counter()
-        # Ids of the entries that are needed.
+        # Identities of the entries that are needed, as returned by `id`.
         self._live: set[int] = set()
         # Sums that absorb a product, and the factors of these products.
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, ...]] = {}
 
     def module(self, result: Value | None) -> str:
-        """Return the text of the module; arguments as for `llvm_text`."""
+        """Return the text of the module; `result` is as in `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
         blocks = [*self._program.functions, self._program.block]
-        for block in reversed(blocks):  # A function is called by later ones only.
+        for block in reversed(blocks):  # A function is called only by later ones.
             self._mark(block)
         for number, block in enumerate(blocks):
             self._fuse(block)
@@ -121,27 +117,33 @@ class _Writer:
             self._write(block)
             if not last:
                 self._builder.ret_void()
-        self._builder.ret(_BASES["i"](0) if result is None else self._first_lane(result))
+        if result is None:
+            returned = _BASES["i"](0)
+        else:
+            returned = self._value(result)
+            returned = returned if self._width == 1 else self._element(returned, 0)
+        self._builder.ret(returned)
         return str(self._module)
 
     # Which operations are needed, and which products are fused.
 
     def _mark(self, block: Block) -> bool:
-        """Count the uses of values, from the end backwards, and mark the needed entries.
+        """Count the uses of values in a block, from its end backwards, and find needed entries.
 
-        Returns whether the block has an effect other than the values that it computes.
+        **Returns:** whether the block has an effect other than the values that it computes.
         """
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
+        """Do for one entry what `_mark` does for a block."""
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:
                 return False
             uses.update(entry.arguments)
         elif isinstance(entry, Branch):
-            # Outputs that nothing uses are removed, with all that is computed only for them.
+            # Values that nothing uses are removed, with all that is computed only for them.
             kept = [k for k, out in enumerate(entry.outs) if uses[out]]
             entry.outs = [entry.outs[k] for k in kept]
             entry.yes_values = [entry.yes_values[k] for k in kept]
@@ -152,8 +154,8 @@ class _Writer:
                 return False
             uses.update((entry.condition,))
         else:
-            # Uses of carries are known only after the whole body, which computes their next values:
-            # all of these count as used.
+            # The body computes the next values of the carries. All of these count as used, because
+            # the uses of a carry in the body are not known before the whole body is read.
             uses.update((*entry.following, entry.condition))
             effects = [self._mark(entry.body), self._mark(entry.head)]
             uses.update(entry.first)
@@ -163,9 +165,9 @@ class _Writer:
         return not isinstance(entry, Operation) or entry.out is None
 
     def _fuse(self, block: Block) -> None:
-        """Find products whose only use is a sum in the same block.
+        """Find products whose only use is in a sum of the same block.
 
-        A sum absorbs one product at most, the first of its arguments.
+        If both terms of a sum are such products, only the first one is fused with the sum.
         """
         candidates: dict[Value, tuple[Value, ...]] = {}
         for entry in block:
@@ -201,6 +203,7 @@ class _Writer:
         return self._values[value]
 
     def _write(self, block: Block) -> None:
+        """Write the needed entries of a block."""
         straight: list[Operation] = []
         for entry in block:
             if id(entry) not in self._live:
@@ -224,12 +227,12 @@ class _Writer:
                 self._values[entry.out] = result
 
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
-        """Order operations so that each comes right before its first use.
+        """Return operations in an order in which each comes right before its first use.
 
-        Loads, stores, calls and results that other blocks use keep their order. Of the operations
-        that an operation needs, the one at the end of the longest chain comes first. LLVM roughly
-        keeps the order that it is given; in this one fewer values occupy registers, and a single
-        run takes 0.93 of the time.
+        Loads, stores, calls and operations whose results other blocks use keep their order. Of the
+        operations that one needs, that with the longest chain of dependent operations before it
+        comes first. LLVM roughly keeps the given order. In this one, fewer values occupy registers,
+        and a single run takes 0.93 of the time.
         """
         definitions: dict[Value, Operation] = {}
         depths: dict[Value, int] = {}
@@ -244,7 +247,7 @@ class _Writer:
         for entry in entries:
             if entry.out in depths and entry.out in used_here:
                 continue
-            # Depth first, by a stack, since chains can be longer than Python's limit of recursion.
+            # A search in depth by a stack: chains can be longer than Python's limit of recursion.
             stack = [entry]
             while stack:
                 needed = [value for value in self._needed(stack[-1]) if value in definitions]
@@ -257,8 +260,7 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> list[Value]:
-        """Return the values that an operation uses, with the factors of the product that it
-        absorbs."""
+        """Return the values that an operation uses; for a fused product, those are its factors."""
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return [value for group in groups for value in group]
 
@@ -277,10 +279,8 @@ class _Writer:
             return self._fused_sum(entry, form)
         given = [self._value(value) for value in arguments]
         if name in _INSTRUCTIONS:
-            return getattr(builder, _INSTRUCTIONS[name])(*given)
-        if name in _COMPARISONS:
-            method, sign = _COMPARISONS[name]
-            return getattr(builder, method)(sign, *given)
+            method, *sign = _INSTRUCTIONS[name]
+            return getattr(builder, method)(*sign, *given)
         if name in _CONVERSIONS:
             return getattr(builder, _CONVERSIONS[name])(*given, form)
         if name == "float_to_int":
@@ -292,7 +292,7 @@ class _Writer:
         if name == "splat":
             return self._splat(form, given[0])
         if name == "build":
-            # The last elements of a vector repeat.
+            # The elements after the last tangent repeat that of the last tangent.
             return self._vector(form, given + given[-1:] * (form.count - len(given)))
         if name == "element":
             return self._element(given[0], int(self._program.constants[arguments[1]]))
@@ -302,6 +302,7 @@ class _Writer:
         raise NotImplementedError(name)
 
     def _fused_sum(self, entry: Operation, form: Form) -> Word:
+        """Write a sum or difference, together with its product, as a fused multiply-add."""
         a, b = entry.arguments
         product, other = (a, b) if a in self._products else (b, a)
         given = [self._value(value) for value in (*self._products[product], other)]
@@ -345,7 +346,7 @@ class _Writer:
         return self._builder.extract_element(vector, _BASES["w"](k))
 
     def _splat(self, form: Form, element: Word) -> Word:
-        """Return a vector whose elements are all equal to one."""
+        """Return a vector whose elements are all equal to a given one."""
         undefined = form(ir.Undefined)
         one = self._builder.insert_element(undefined, element, _BASES["w"](0))
         mask = ir.VectorType(_BASES["w"], form.count)(0)
@@ -357,12 +358,8 @@ class _Writer:
             return condition
         return self._intrinsic("vector.reduce.or", _BASES["b"], [condition])
 
-    def _first_lane(self, value: Value) -> Word:
-        known = self._value(value)
-        return known if self._width == 1 else self._element(known, 0)
-
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of one lane's number in the cell `start`, or in `start` + `index`."""
+        """Return the address of a lane's number in the cell `start`, or in `start` + `index`."""
         number, builder = _BASES["i"], self._builder
         offset = number(start * self._width + lane)
         if index is not None:
@@ -372,7 +369,7 @@ class _Writer:
         return builder.gep(self._memory, [offset], inbounds=True, source_etype=_BASES["f"])
 
     def _is_one_cell(self, index: Value | None) -> bool:
-        """Return whether all lanes read or write the same cell."""
+        """Return whether all lanes read or write the same cell, given its index."""
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:

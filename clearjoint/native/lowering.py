@@ -1,14 +1,14 @@
 """Lower jaxprs to operations on scalars.
 
-Calls of inner jaxprs are inlined, except for large ones that are called repeatedly: these become
-functions of machine code. Arrays are kept in one of four forms (`Array`):
+The equations of inner jaxprs are added in the place of their calls. Only large jaxprs that are
+called repeatedly become functions of machine code. An array has one of four forms (`Array`):
 
-- a scalar is one value;
+- a scalar is one value of the program;
 - a small array is a NumPy array of values, one for each element, so that slices and concatenations
   need no operation;
 - an array with one element for each tangent is one vector (`Packed`);
 - an array of more than `LARGEST_UNROLLED` elements is in memory (`InMemory`) and is processed by
-  loops. It is updated in place where nothing reads its former content.
+  loops. It is updated in place if nothing reads its former content.
 """
 
 import math
@@ -21,44 +21,37 @@ from jax.core import ShapedArray
 from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
-from . import elementwise
-from .elementwise import RULES, Parameters, Rule
-from .operations import KINDS, Operations, Value
+from ..compilation.tracing import CALLS
+from .cells import Region
+from .elementwise import PARAMETERS, RULES, apply
+from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
 """Largest number of elements of an array whose elements are separate values."""
 LONGEST_PACKED = 16
-"""Largest number of tangents that are packed into a vector."""
+"""Largest number of tangents that are kept as a vector."""
 FEWEST_PACKED = 60
-"""Number of operations on arrays of one length from which on these are packed."""
+"""Least number of sums and products of arrays of one length for which these are kept as vectors."""
 LONGEST_CHOICE = 24
-"""Number of equations up to which both branches of a condition are computed, to select from."""
+"""Largest number of equations of a branch that is always computed, its result being selected."""
 SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function."""
 FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
-_CALLS = {
-    "jit": "jaxpr",
-    "pjit": "jaxpr",
-    "closed_call": "call_jaxpr",
-    "core_call": "call_jaxpr",
-    "eval_jaxpr": "call_jaxpr",
-    "checkpoint": "jaxpr",
-    "remat2": "jaxpr",
-    "custom_jvp_call": "call_jaxpr",
-    "custom_vjp_call": "call_jaxpr",
-    "custom_vjp_call_jaxpr": "fun_jaxpr",
-}
-"""Primitives that call a jaxpr, and the parameter that holds it."""
+Equation = core.JaxprEqn
 # Hashing a dtype takes a twentieth of the time of its name.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
-_UNSIGNED = np.dtype("uint32")
+_UNSIGNED, _LARGEST = np.dtype("uint32"), (1 << 32) - 1
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
-    """A primitive, or a use of one, that has no rule here, and the source line that called it."""
+    """Raised for a primitive, or a use of one, for which there is no rule.
+
+    **Arguments:** `what`: name of the primitive, and what about its use is not supported;
+    `location`: source line of the call.
+    """
 
     def __init__(self, what: str, location: str = ""):
         super().__init__(f"{what}, in {location}" if location else what)
@@ -72,14 +65,14 @@ class Packed:
     value: Value
 
 
-@dataclass
+@dataclass(frozen=True)
 class InMemory:
     """An array in memory.
 
-    - `start`: first cell.
+    - `start`: first cell, in which its first element is.
     - `shape`: shape of the array.
     - `kind`: kind of its elements, see `.operations`.
-    - `owned`: whether its cells may be overwritten, because nothing else reads its content.
+    - `owned`: whether its cells may be overwritten, because nothing else reads them.
     """
 
     start: int
@@ -96,7 +89,8 @@ class InMemory:
 Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
 EquationRule = Callable[..., Sequence[Array]]
-"""Lowers an equation: takes the lowering, the equation and its arguments, returns the results."""
+"""Function of a `Lowering`, an equation and the equation's arguments that adds the equation to the
+program and returns its results."""
 
 
 def aval_of(atom: Atom) -> ShapedArray:
@@ -106,7 +100,7 @@ def aval_of(atom: Atom) -> ShapedArray:
     return atom.aval
 
 
-def kind_of(array: ShapedArray | np.ndarray) -> str:
+def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
     """Return the kind (see `.operations`) of the elements of an array."""
     kind = _KINDS.get(array.dtype)
     if kind is None:
@@ -115,40 +109,19 @@ def kind_of(array: ShapedArray | np.ndarray) -> str:
 
 
 def element_indices(aval: ShapedArray) -> np.ndarray:
-    """Return an array of the given shape that holds the flat index of each element."""
+    """Return an array of the given shape, with the row-major index of each element."""
     return np.arange(aval.size).reshape(aval.shape)
 
 
 def is_contiguous(indices: np.ndarray) -> bool:
-    """Return whether flat indices rise by one from each to the next."""
+    """Return whether each of the indices, (n,), is the previous one plus 1; n must not be 0."""
     return indices.size > 0 and np.array_equal(
         indices, np.arange(indices[0], indices[0] + indices.size)
     )
 
 
-@dataclass(frozen=True)
-class Region:
-    """Cells of an array in memory: the first one, and shape, dtype and size of the array."""
-
-    start: int
-    shape: tuple[int, ...]
-    dtype: np.dtype
-    size: int
-
-    @staticmethod
-    def of(aval: ShapedArray, start: int) -> "Region":
-        """Return the region of an array with the given shape and dtype."""
-        kind_of(aval)
-        return Region(start, tuple(aval.shape), np.dtype(aval.dtype), aval.size)
-
-    @property
-    def end(self) -> int:
-        """The first cell after the region."""
-        return self.start + self.size
-
-
-def inner_jaxprs(equation: core.JaxprEqn) -> Iterator[core.Jaxpr]:
-    """Iterate over the jaxprs among an equation's parameters."""
+def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
+    """Iterate over the jaxprs among the parameters of an equation."""
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
         for item in items:
@@ -163,8 +136,10 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 
 
 def tangents_of(jaxpr: core.Jaxpr) -> int:
-    """Return the number of tangents: the length of most rank-one arrays that are added or
-    multiplied, or 0 if there are few."""
+    """Return the number of tangents, which is the most frequent length of arrays of one axis.
+
+    Only arrays that are added or multiplied count. The result is 0 if there are few of them.
+    """
     lengths: Counter[int] = Counter()
 
     def visit(jaxpr: core.Jaxpr) -> None:
@@ -184,10 +159,10 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 
 @dataclass
 class RepeatedCall:
-    """Equations that call the same jaxpr.
+    """Several equations that call the same jaxpr.
 
     - `shared`: for each argument, whether it is the same in all calls.
-    - `function`: the function for the jaxpr; ``None`` until the first call has been lowered.
+    - `function`: function of machine code for the jaxpr; ``None`` before the first call is lowered.
     """
 
     shared: list[bool]
@@ -196,15 +171,14 @@ class RepeatedCall:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of machine code, which exchanges values with its callers by cells of memory.
+    """A function of machine code, which exchanges values with its callers in memory.
 
-    - `number`: identifies the function for `Operations.call`.
-    - `parameters`: first cell of each value that differs between calls. The caller writes it there
-      and the function reads it.
-    - `results`: the arrays that the function returns, of values as named inside the function.
-    - `cells`: for each value in `results` that the function computes, the first cell to which it
-      writes the value and from which the caller reads it. The other values in `results` come from
-      outside and are the same in all calls.
+    - `number`: number of the function, for `Operations.call`.
+    - `parameters`: first cells of the values that differ between calls. The caller writes the
+      values there.
+    - `results`: arrays that the function returns, of values as named inside the function.
+    - `cells`: first cells of the values in `results` that the function computes. The function
+      writes them there. The other values in `results` are computed outside, once for all calls.
     """
 
     number: int
@@ -214,9 +188,12 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return the calls of large jaxprs that `jaxpr` calls several times, by the id of the equation
-    that makes the call."""
-    groups: dict[int, list[core.JaxprEqn]] = {}
+    """Return the calls of large jaxprs that `jaxpr` calls several times.
+
+    **Returns:** the calls by the id of the equation that makes them. Equations that call the same
+    jaxpr share one `RepeatedCall`.
+    """
+    groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
             groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
@@ -242,13 +219,13 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 
 
 class Lowering:
-    """Adds the equations of jaxprs to the operations of a program.
+    """Adds the equations of jaxprs to a program.
 
-    - `ops`: the operations of the program.
+    - `ops`: operations of the program.
     - `constants`: arrays that must be in memory before the program starts, by their first cells.
 
-    **Arguments:** `ops`: the operations to add to; `rules`: rules for the primitives that do not
-    work element by element, by the names of the primitives.
+    **Arguments:** `rules`: rules of the primitives that do not work element by element, by the
+    primitives' names.
     """
 
     def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
@@ -258,14 +235,17 @@ class Lowering:
 
     # Forms of arrays.
 
-    def argument(self, aval: ShapedArray, start: int) -> Array:
-        """Return the argument of the program that is in memory from the cell `start` on; small
-        arrays are read from there."""
-        memory = InMemory(start, tuple(aval.shape), kind_of(aval), owned=True)
+    def region(self, aval: ShapedArray) -> Region:
+        """Reserve the cells of an array of the given shape and dtype."""
+        return Region.of(aval, self.ops.allocate(aval.size))
+
+    def argument(self, region: Region) -> Array:
+        """Return the argument of the program that is in a region; small arrays are read there."""
+        memory = InMemory(region.start, region.shape, kind_of(region), owned=True)
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return an array whose numbers are known, in one of the four forms."""
+        """Return an array of known numbers."""
         array = np.asarray(array)
         kind = kind_of(array)
         if array.size > LARGEST_UNROLLED:
@@ -276,7 +256,7 @@ class Lowering:
         return self.array(values, array.shape)
 
     def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
-        """Return an array of values, given in row-major order."""
+        """Return the array with the given shape and elements, in row-major order."""
         if shape == ():
             return values[0]
         if self.is_packed(shape):
@@ -284,11 +264,11 @@ class Lowering:
         return np.array(values, dtype=np.int64).reshape(shape)
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
-        """Allocate an array in memory."""
+        """Reserve the cells of an array in memory, whose content is not defined."""
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
-        """Return whether arrays of a shape are kept as vectors of tangents."""
+        """Return whether an array of this shape is kept as a vector of tangents."""
         return self.ops.packed > 0 and shape == (self.ops.packed_length,)
 
     def values(self, array: Array) -> list[Value]:
@@ -302,18 +282,18 @@ class Lowering:
         return array.ravel().tolist()
 
     def vector(self, array: Array) -> Value:
-        """Return an array of tangents, or a scalar repeated for all tangents, as a vector."""
+        """Return an array of tangents, or a scalar repeated for each tangent, as a vector."""
         if isinstance(array, Packed):
             return array.value
         values = self.values(array)
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
 
     def read(self, memory: InMemory) -> Array:
-        """Read an array from memory."""
+        """Add the reads of a small array, and return its elements as an array of another form."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Write an array to the cells from `start` on, or from `start` + `index` on."""
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -327,7 +307,7 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return the array in memory; write it to new cells unless it is in memory already."""
+        """Return an array of the given shape in memory; write it to new cells if necessary."""
         if isinstance(array, InMemory):
             return array
         memory = self.new_array(shape, self.ops.kinds[self.values(array)[0]])
@@ -335,10 +315,10 @@ class Lowering:
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """Return the region of an array; write it to new cells unless it is in memory already."""
+        """Return the region of an array in memory; write it to new cells if necessary."""
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
-        region = Region.of(aval, self.ops.allocate(aval.size))
+        region = self.region(aval)
         self.write(array, region.start)
         return region
 
@@ -349,7 +329,7 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return all values of arrays, except for those in memory."""
+        """Return all values of arrays; an array in memory has none."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -359,7 +339,7 @@ class Lowering:
         return flat
 
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Return arrays of the forms of `like` with other values: the inverse of `flatten`."""
+        """Return arrays with the given values and the forms of `like`: the inverse of `flatten`."""
         remaining = iter(values)
         arrays: list[Array] = []
         for array in like:
@@ -375,40 +355,29 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the elements of an array at known flat indices, in the shape of `indices`."""
-        shape, flat = indices.shape, indices.ravel()
-        if isinstance(array, InMemory):
-            if is_contiguous(flat):
-                part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
-                if flat.size <= LARGEST_UNROLLED:
-                    return self.read(part)
-                # Other parts of the same array may be read later: only a view of the whole array
-                # may be overwritten.
-                return replace(part, owned=False) if flat.size < array.size else part
+        """Return the array, in the shape of `indices`, of elements at known row-major indices."""
+        shape, flat, ops = indices.shape, indices.ravel(), self.ops
+        if isinstance(array, InMemory) and is_contiguous(flat):
+            part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
             if flat.size <= LARGEST_UNROLLED:
-                values = [self.ops.load(array.kind, array.start + int(k)) for k in flat]
-                return self.array(values, shape)
-            return self._take_by_table(array, flat, shape)
-        values = self.values(array)
-        if flat.size > LARGEST_UNROLLED:
+                return self.read(part)
+            # Other parts of the same array may be read later: only a view of the whole array may be
+            # overwritten.
+            return replace(part, owned=False) if flat.size < array.size else part
+        if isinstance(array, InMemory) and flat.size <= LARGEST_UNROLLED:
+            return self.array([ops.load(array.kind, array.start + int(k)) for k in flat], shape)
+        if not isinstance(array, InMemory):
+            values = self.values(array)
+            if flat.size <= LARGEST_UNROLLED:
+                return self.array([values[k] for k in flat], shape)
             if len(values) == 1:
-                kind = self.ops.kinds[values[0]]
-                return self._by_loop(lambda value: value, kind, shape, values)
-            return self._take_by_table(self.in_memory(array, (len(values),)), flat, shape)
-        return self.array([values[k] for k in flat], shape)
-
-    def _take_by_table(
-        self, array: InMemory, indices: np.ndarray, shape: tuple[int, ...]
-    ) -> InMemory:
-        """Take elements by a loop that reads their indices from a constant table."""
-        start = self.ops.allocate(indices.size)
-        self.constants[start] = indices
-        table = InMemory(start, (indices.size,), "i")
-
-        def load(index: Value) -> Value:
-            return self.ops.load(array.kind, array.start, index)
-
-        return self._by_loop(load, array.kind, shape, [table])
+                return self._by_loop(lambda value: value, ops.kinds[values[0]], shape, values)
+            array = self.in_memory(array, (len(values),))
+        # A loop reads the indices of the elements from a table in memory.
+        table = self.new_array(flat.shape, "i")
+        self.constants[table.start] = flat
+        kind, start = array.kind, array.start
+        return self._by_loop(lambda index: ops.load(kind, start, index), kind, shape, [table])
 
     def _by_loop(
         self,
@@ -417,8 +386,12 @@ class Lowering:
         shape: tuple[int, ...],
         arguments: Sequence[Array],
     ) -> InMemory:
-        """Add a loop that applies a rule to each element of arrays in memory, and to scalars, and
-        return the array of the results."""
+        """Add a loop that applies a function to the elements of arrays, and return its results.
+
+        **Arguments:** `rule`: adds the operations for one element of each argument, and returns
+        the result; `kind`, `shape`: those of the array of results; `arguments`: arrays in memory,
+        and scalars, which are the same for all elements.
+        """
         out = self.new_array(shape, kind)
 
         def visit(k: Value) -> None:
@@ -438,35 +411,29 @@ class Lowering:
     def inline(
         self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
-        """Add the equations of a jaxpr and return its results."""
-        if isinstance(jaxpr, core.ClosedJaxpr):
-            return self.inline_with(jaxpr.jaxpr, jaxpr.consts, arguments)
-        return self.inline_with(jaxpr, (), arguments)
-
-    def inline_with(
-        self, jaxpr: core.Jaxpr, consts: Sequence[ArrayLike], arguments: Sequence[Array]
-    ) -> list[Array]:
-        """Add the equations of a jaxpr with the given constants and return its results.
+        """Add the equations of a jaxpr and return its results.
 
         Owned arrays in memory among the arguments may be overwritten.
         """
-        constants = [self.constant(const) for const in consts]
-        self._repeated |= repeated_calls(jaxpr)
-        known: dict[Atom, Array] = dict(zip(jaxpr.constvars, constants, strict=True))
-        known |= dict(zip(jaxpr.invars, arguments, strict=True))
-        last_reads: dict[Atom, int] = {}
-        for number, equation in enumerate(jaxpr.eqns):
-            for atom in equation.invars:
-                if not isinstance(atom, core.Literal):
-                    last_reads[atom] = number
-        for atom in jaxpr.outvars:
-            if not isinstance(atom, core.Literal):
-                last_reads[atom] = len(jaxpr.eqns)
-        for number, equation in enumerate(jaxpr.eqns):
+        closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
+        opened = closed.jaxpr
+        constants = [self.constant(const) for const in closed.consts]
+        self._repeated |= repeated_calls(opened)
+        known: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
+        known |= dict(zip(opened.invars, arguments, strict=True))
+        reads = [*(equation.invars for equation in opened.eqns), opened.outvars]
+        last_reads = {
+            atom: number
+            for number, atoms in enumerate(reads)
+            for atom in atoms
+            if not isinstance(atom, core.Literal)
+        }
+        for number, equation in enumerate(opened.eqns):
             self._add_equation(equation, known, last_reads, number)
-        return [self._atom(atom, known) for atom in jaxpr.outvars]
+        return [self._atom(atom, known) for atom in opened.outvars]
 
     def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
+        """Return the array of a variable, or of a number in a jaxpr."""
         if not isinstance(atom, core.Literal):
             return known[atom]
         if np.ndim(atom.val) == 0:
@@ -477,23 +444,28 @@ class Lowering:
 
     def _add_equation(
         self,
-        equation: core.JaxprEqn,
+        equation: Equation,
         known: dict[Atom, Array],
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Lower the equation with the given number, add its results to `known`, and decide which
-        arrays in memory may be overwritten."""
+        """Add an equation to the program and its results to `known`.
+
+        Arrays in memory are marked as owned if later equations may overwrite them.
+
+        **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
+        the last equation that reads each variable; `number`: number of this equation.
+        """
         arguments: list[Array] = []
-        live: list[InMemory] = []
+        kept: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, known)
             if isinstance(array, InMemory):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
-                dies = last_reads[atom] == number and list(equation.invars).count(atom) == 1
-                if not dies:
-                    live.append(array)
+                is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
+                if not is_last:
+                    kept[atom] = array
                     array = replace(array, owned=False)
             arguments.append(array)
         try:
@@ -506,25 +478,26 @@ class Lowering:
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
-        # A result may be a view of an argument, or of the same cells as another result: then
-        # neither of the two may be overwritten.
+        # A result may be in the same cells as an argument or as another result. Then neither of the
+        # two may be overwritten.
         starts = Counter(out.start for out in outs if isinstance(out, InMemory))
-        for array in live:
+        for atom, array in kept.items():
             if array.start in starts:
-                array.owned = False
+                known[atom] = replace(array, owned=False)
         for variable, out in zip(equation.outvars, outs, strict=True):
             if isinstance(out, InMemory) and starts[out.start] > 1:
                 out = replace(out, owned=False)
             known[variable] = out
 
-    def _lower(self, equation: core.JaxprEqn, arguments: list[Array]) -> Sequence[Array]:
+    def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
+        """Add an equation to the program by the rule of its primitive, and return its results."""
         name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:
                 return [self._elementwise(equation, arguments)]
             return arguments  # `optimization_barrier` of several arrays
-        if name in _CALLS:
-            closed = equation.params[_CALLS[name]]
+        if name in CALLS:
+            closed = equation.params[CALLS[name]]
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)
@@ -537,10 +510,10 @@ class Lowering:
     def _call(
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
-        """Call the function for a jaxpr, which the first call builds.
+        """Add a call of the function for a jaxpr, and at the first call the function itself.
 
-        LLVM takes more than proportionally long for long blocks, and a step of a run calls its
-        rates once for each stage.
+        Functions keep programs short: the time that LLVM needs for a block grows faster than the
+        block's length, and a step of a run calls the same function of rates in each stage.
         """
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
@@ -573,50 +546,36 @@ class Lowering:
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
         return self.unflatten(new, function.results)
 
-    def _elementwise(self, equation: core.JaxprEqn, arguments: list[Array]) -> Array:
-        aval = aval_of(equation.outvars[0])
+    def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
+        """Add an equation that works element by element, and return its result."""
+        aval, name, ops = aval_of(equation.outvars[0]), equation.primitive.name, self.ops
         kind, shape = kind_of(aval), tuple(aval.shape)
-        rule, ops, parameters = RULES[equation.primitive.name], self.ops, equation.params
-        if aval.dtype == _UNSIGNED:
-            rule = _unsigned(rule)
+        parameter = equation.params[PARAMETERS[name]] if name in PARAMETERS else None
+
+        def rule(*values: Value) -> Value:
+            value = apply(ops, name, *values, parameter=parameter)
+            # uint32 is computed in 64-bit integers, whose higher bits are cut off.
+            return (Symbol(ops, value) & _LARGEST).value if aval.dtype == _UNSIGNED else value
+
         if shape != ():
             arguments = [
                 self._repeat_axes(argument, aval_of(v), shape)
                 for argument, v in zip(arguments, equation.invars, strict=True)
             ]
-        try:
-            if shape == ():
-                return rule(ops, kind, parameters, *arguments)
-            if aval.size > LARGEST_UNROLLED:
-                return self._by_loop(
-                    lambda *values: rule(ops, kind, parameters, *values), kind, shape, arguments
-                )
-            if self.is_packed(shape):
-                vectors = [self.vector(argument) for argument in arguments]
-                return Packed(rule(ops, f"{kind}p", parameters, *vectors))
-            rows = [
-                [argument] * aval.size if isinstance(argument, int) else self.values(argument)
-                for argument in arguments
-            ]
-            values = [rule(ops, kind, parameters, *row) for row in zip(*rows, strict=True)]
-        except NotImplementedError as error:
-            raise UnsupportedPrimitiveError(
-                f"{equation.primitive.name} ({error})" if error.args else equation.primitive.name
-            ) from error
-        return self.array(values, shape)
+        if shape == ():
+            return rule(*self.flatten(arguments))
+        if aval.size > LARGEST_UNROLLED:
+            return self._by_loop(rule, kind, shape, arguments)
+        if self.is_packed(shape):
+            return Packed(rule(*map(self.vector, arguments)))
+        rows = [
+            [argument] * aval.size if isinstance(argument, int) else self.values(argument)
+            for argument in arguments
+        ]
+        return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
 
     def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
         """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged."""
         if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
         return self.take(array, np.broadcast_to(element_indices(aval), shape))
-
-
-def _unsigned(rule: Rule) -> Rule:
-    """Return the rule with results cut to 32 bits, since uint32 is computed in 64-bit integers."""
-
-    def cut(ops: Operations, kind: str, parameters: Parameters, *arguments: Value) -> Value:
-        value = rule(ops, kind, parameters, *arguments)
-        return ops.emit("and", kind, value, elementwise.like(ops, value, (1 << 32) - 1))
-
-    return cut

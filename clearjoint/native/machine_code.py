@@ -1,19 +1,107 @@
-"""Compile LLVM's language to functions of this process, with a cache on disk."""
+"""Machine code of native programs, and the files that save it for other processes.
+
+LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
+in JAX's compilation cache: machine code by the digest of its text, and whole programs by a key of
+the function and its arguments. The text need not be made to find a file of the second kind.
+"""
 
 import ctypes
 import functools
 import hashlib
+import pickle
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import metadata
+from typing import TypeVar
 
+import equinox as eqx
+import jax
 import llvmlite
 import llvmlite.binding as llvm
+from jaxtyping import PyTree
 
+from ..compilation import keeps_programs
+from ..compilation.package_code import source_digest
+from ..compilation.plain_values import NUMERIC, digest_of
 from ..compilation.program_store import ProgramStore, cache_in_use
-from .lowering import UnsupportedPrimitiveError
+from .cells import Memory, Region
+from .llvm_text import llvm_text
+from .lowering import Lowering, UnsupportedPrimitiveError
+from .operations import Value
 
+Program = TypeVar("Program")
 OPTIMISATION = 2
+"""LLVM's level of optimisation."""
+_PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
+"""Packages whose versions programs depend on."""
+_IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
+"""Parts of the names of JAX's settings on which programs don't depend."""
+
+
+class Stopwatch:
+    """Measures the processor time of this thread in the stages in which a program is made.
+
+    - `seconds`: time of each stage, s, by its name.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.thread_time()
+
+    def end(self, stage: str) -> None:
+        """Record the time since the previous call, or since the start, as that of a stage."""
+        now = time.thread_time()
+        self.seconds[stage] = now - self._last
+        self._last = now
+
+
+class Code:
+    """Machine code of a program, which can be pickled.
+
+    - `text`: the program in LLVM's language; empty after unpickling.
+    - `seconds`: processor time, s, of the stages "tracing", "lowering", "writing" and "compiling".
+
+    **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
+    `result`: integer of the program that `run` returns, by default zero.
+    """
+
+    def __init__(self, lowering: Lowering, stopwatch: Stopwatch, result: Value | None = None):
+        operations = lowering.ops
+        self.text = llvm_text(operations, result)
+        stopwatch.end("writing")
+        self._object_file = _saved_object_file(self.text)
+        stopwatch.end("compiling")
+        self.seconds = stopwatch.seconds
+        self._constants, self._lanes = lowering.constants, operations.width
+        self._cells = operations.cells
+
+    def __getstate__(self) -> dict[str, object]:
+        state: dict[str, object] = {**vars(self), "text": ""}
+        state.pop("_loaded", None)
+        return state
+
+    def memory(self) -> Memory:
+        """Return new memory for the program, with its constants."""
+        memory = Memory(self._cells, self._lanes)
+        for start, array in self._constants.items():
+            memory.write(Region.of(array, start), array)
+        return memory
+
+    def run(self, memory: Memory) -> int:
+        """Execute the program on memory, and return its result."""
+        engine, function = self._loaded  # The engine owns the code; it must live during the call.
+        return function(memory.address)
+
+    @functools.cached_property
+    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
+        # From Python 3.12 on there is no lock: concurrent first calls make an engine each.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
+        engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
+        engine.finalize_object()
+        address = engine.get_function_address("program")
+        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
 
 
 def _new_target_machine() -> llvm.TargetMachine:
@@ -30,62 +118,20 @@ def _new_target_machine() -> llvm.TargetMachine:
     )
 
 
-@functools.cache
-def _target_machine() -> llvm.TargetMachine:
-    return _new_target_machine()
+_target_machine = functools.cache(_new_target_machine)
 
 
-class MachineCode:
-    """A compiled function of an address in memory, which can be pickled.
-
-    **Arguments:** `code`: content of an object file with a function "program".
-    """
-
-    def __init__(self, code: bytes):
-        self._code = code
-
-    def __call__(self, address: int) -> int:
-        """Call the function with the address of the program's memory; return its integer result."""
-        engine, function = self._loaded  # The engine owns the code; it must live during the call.
-        return function(address)
-
-    def __getstate__(self) -> dict[str, object]:
-        return {"_code": self._code}
-
-    @functools.cached_property
-    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
-        # From Python 3.12 on there is no lock: concurrent first calls make an engine each.
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
-        engine.add_object_file(llvm.ObjectFileRef.from_data(self._code))
-        engine.finalize_object()
-        address = engine.get_function_address("program")
-        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
-
-
-def compiled(text: str) -> MachineCode:
-    """Compile the function "program" of a module in LLVM's language, or load it from disk if it has
-    been compiled before for this processor."""
-    key = hashlib.sha256("\n".join((text, *target())).encode()).hexdigest()
-    store = store_of_code()
+def _saved_object_file(text: str) -> bytes:
+    """Return the object file of a program's text from disk, or compile and save it."""
+    key = hashlib.sha256("\n".join((text, *_target())).encode()).hexdigest()
+    store = _store()
     code = None if store is None else store.read(key)
     if code is None:
         code = _object_file(text)
         if store is not None:
             with suppress(OSError):
                 store.write(key, code)
-    return MachineCode(code)
-
-
-def target() -> tuple[str, ...]:
-    """Return the versions of LLVM and of the processor, on which machine code depends."""
-    features = llvm.get_host_cpu_features().flatten()
-    return llvmlite.__version__, llvm.get_host_cpu_name(), features
-
-
-def store_of_code() -> ProgramStore | None:
-    """Return the store of machine code in JAX's compilation cache, or ``None`` without a cache."""
-    folder = cache_in_use()
-    return None if folder is None else ProgramStore(folder / "native")
+    return code
 
 
 def _object_file(text: str) -> bytes:
@@ -100,3 +146,77 @@ def _object_file(text: str) -> bytes:
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
+
+
+def _target() -> tuple[str, ...]:
+    """Return the version of LLVM, and name and features of the processor."""
+    features = llvm.get_host_cpu_features().flatten()
+    return llvmlite.__version__, llvm.get_host_cpu_name(), features
+
+
+def _store() -> ProgramStore | None:
+    folder = cache_in_use()
+    return None if folder is None else ProgramStore(folder / "native")
+
+
+def load_or_make(
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], make: Callable[[], Program]
+) -> Program:
+    """Load the program of a function from disk, or make and save it.
+
+    Nothing is loaded or saved if that is switched off (see `keep_programs`), or if the function or
+    its arguments contain classes or functions from outside of this package: a change of their code
+    would not be noticed.
+
+    **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
+    shapes, dtypes and static values for which the program is valid; `make`: makes the program.
+    """
+    store = _store() if keeps_programs() else None
+    key = None
+    if store is not None:
+        # A value that cannot be described, for any reason, has no key.
+        with suppress(Exception):
+            key = _key(function, arguments)
+    if store is None or key is None:
+        return make()
+    content = store.read(key)
+    if content is not None:
+        # A file of another version can fail in any way, and is replaced.
+        with suppress(Exception):
+            return pickle.loads(content)
+    program = make()
+    with suppress(Exception):
+        store.write(key, pickle.dumps(program))
+    return program
+
+
+def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
+    """Return a text that is the same in all processes for arguments with the same program.
+
+    Programs depend on shapes and dtypes of arrays, but not on their numbers.
+
+    **Raises:** `NotPlainError` if function or arguments contain code from outside of the package
+    (see `plain_values`), and `ChangedCodeError` if the package's own code was changed.
+    """
+    shapes = jax.tree.map(
+        lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf,
+        arguments,
+    )
+    settings = {
+        name: repr(value)
+        for name, value in sorted(jax.config.values.items())
+        if not any(part in name for part in _IRRELEVANT)
+    }
+    return digest_of([function, shapes, source_digest(), _versions(), settings, _target()])
+
+
+@functools.cache
+def _versions() -> tuple[str, ...]:
+    return (sys.version, *(f"{name} {_version(name)}" for name in _PACKAGES))
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "none"

@@ -2,8 +2,9 @@
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
 (float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool); with the suffix ``p`` it is a vector of
-tangents of that kind. A block is a list of entries: pure operations, reads and writes of memory,
-calls of functions, and branches and loops, which contain blocks.
+tangents of that kind. If the program computes several lanes, each value is a vector with a number
+for each lane. A block is a list of entries: pure operations, reads and writes of memory, calls of
+functions, and branches and loops, which contain blocks.
 """
 
 import math
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Value = int
+"""Name of a value of a program."""
 Number = float | int | bool
 KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 """Kinds by the names of dtypes. uint32 is computed in int64, with results cut to 32 bits."""
@@ -23,14 +25,17 @@ KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 
 @dataclass
 class Operation:
-    """`out` = name(arguments), where `name` is the name of a pure operation or one of these:
+    """An operation: the value `out` becomes `name` of the values `arguments`.
 
-    - "load" reads a cell: `number`, or `number` + the argument if there is one.
-    - "store" writes the first argument to the cell `number`, or `number` + the second argument.
-    - "call" executes the function `number` of the program, whose arguments and results are in
-      memory.
+    Most operations are pure, such as "fadd"; `.llvm_text` lists them. The others are
 
-    The last two have no result: `out` is ``None``.
+    - "load", which reads the cell `number`, or `number` + the argument if there is one;
+    - "store", which writes the first argument to the cell `number`, or to `number` + the second
+      argument if there is one;
+    - "call", which executes the function `number` of the program. The function reads its arguments
+      from memory and writes its results there.
+
+    Of the last two, `out` is ``None``.
     """
 
     out: Value | None
@@ -43,7 +48,10 @@ class Operation:
 
 @dataclass
 class Branch:
-    """Execute one of two blocks; `outs` are the values of the executed one."""
+    """Execute the block `yes` if the condition holds, else the block `no`.
+
+    The values `outs` become `yes_values` or `no_values`, which the executed block computes.
+    """
 
     condition: Value
     outs: list[Value]
@@ -54,7 +62,7 @@ class Branch:
 
     @property
     def arguments(self) -> tuple[Value, ...]:
-        """The values that the branch uses, besides those that its blocks use."""
+        """The values that the branch itself uses, without those that its blocks use."""
         return (self.condition, *self.yes_values, *self.no_values)
 
     @property
@@ -65,9 +73,10 @@ class Branch:
 
 @dataclass
 class Loop:
-    """Execute `body` as long as `condition`, computed by `head`, holds.
+    """Execute the block `head`, which computes `condition`, and `body` as long as it holds.
 
-    `carries` start as `first` and become `following`, computed by the body, at each iteration.
+    The values `carries` start as `first`. Each execution of the body computes `following`, which
+    are the carries in the next iteration.
     """
 
     carries: list[Value]
@@ -79,7 +88,7 @@ class Loop:
 
     @property
     def arguments(self) -> tuple[Value, ...]:
-        """The values that the loop uses, besides those that its blocks use."""
+        """The values that the loop itself uses, without those that its blocks use."""
         return (self.condition, *self.first, *self.following)
 
     @property
@@ -112,16 +121,25 @@ _FOLDED: dict[str, Callable] = {
 }
 """Operations that are computed here if all arguments are known, rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
+"""By kind, the number above the largest integer."""
 
 
 class Operations:
     """Builds the blocks of a program.
 
-    An operation on the same arguments is added once, and none is added whose result is known.
+    An operation is not added if its result is known, or if the same operation on the same
+    arguments is in the program already.
 
-    **Arguments:** `width`: number of lanes, each value being a vector of them; `tangents`: number
-    of tangents in a vector of tangents, 0 for none. Such a vector has `packed` elements, the next
-    power of two, of which the last ones repeat.
+    - `kinds`: kind of each value.
+    - `constants`: numbers of the values that are known.
+    - `cells`: number of cells of memory that the program uses.
+    - `block`: the block to which entries are added.
+    - `functions`: blocks of the program's functions.
+    - `packed`: number of elements of a vector of tangents, the power of two from `tangents` on. The
+      last elements repeat that of the last tangent.
+
+    **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
+    0 for none. A program of several lanes can't have tangents.
     """
 
     def __init__(self, width: int = 1, tangents: int = 0):
@@ -133,23 +151,26 @@ class Operations:
         self.cells = 0
         self.block: Block = []
         self.functions: list[Block] = []
-        # The blocks around the functions that are being built, each with the number of its scope.
+        # The blocks in which the functions that are being built will be called, from the outermost
+        # function on, each with the index of its keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
         # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
-        # Values by operation and arguments, and the keys that each open block has added: a value
-        # can be reused in inner blocks, but not after its block.
+        # Values by operation and arguments, and the keys that each open block has added. A value
+        # can be reused in inner blocks, but not after the end of its block.
         self._known: dict[tuple, Value] = {}
         self._scopes: list[list[tuple]] = [[]]
         self._definitions: dict[Value, tuple[str, tuple[Value, ...]]] = {}
         self._uniform: set[Value] = set()
         self._mask: Value | None = None
 
-    def new(self, kind: str) -> Value:
-        """Return a new value, for an entry other than a pure operation."""
-        return self._new(kind, len(self._outside))
+    def _new(self, kind: str, depth: int | None = None) -> Value:
+        """Return a new value of a kind.
 
-    def _new(self, kind: str, depth: int) -> Value:
+        **Arguments:** `depth`: number of functions around the value, by default all that are being
+        built.
+        """
+        depth = len(self._outside) if depth is None else depth
         self.kinds.append(kind)
         value = len(self.kinds) - 1
         if depth:
@@ -157,7 +178,7 @@ class Operations:
         return value
 
     def constant(self, kind: str, number: Number) -> Value:
-        """Return the value of a known number."""
+        """Return the value of a kind that is a known number in all lanes."""
         if kind == "f":
             number = float(number)
             # By its bits, since 0.0 == -0.0 and NaN != NaN.
@@ -172,7 +193,7 @@ class Operations:
         return value
 
     def number(self, value: Value) -> Number | None:
-        """Return the number of a constant; ``None`` for a value that only the run determines."""
+        """Return the number of a value that is known; ``None`` if only the run determines it."""
         return self.constants.get(value)
 
     def is_uniform(self, value: Value) -> bool:
@@ -184,7 +205,10 @@ class Operations:
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
-        """Add a pure operation and return its result."""
+        """Add the pure operation `name`, unless it is redundant, and return its result.
+
+        **Arguments:** `kind`: kind of the result.
+        """
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
             return simpler
@@ -207,10 +231,10 @@ class Operations:
         return value
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
-        """Return the result of an operation that can be omitted.
+        """Return the result of an operation that can be omitted, or ``None`` for another operation.
 
-        Every rule holds for all numbers, also for NaN, infinities and negative zeros: x + 0.0 is
-        not x, for instance, if x is -0.0.
+        Every rule holds for all numbers, also for NaN, infinities and negative zeros. There is none
+        for x + 0.0, for instance, which is not x if x is -0.0.
         """
         known = [self.constants.get(value) for value in arguments]
         if name in _FOLDED and None not in known:
@@ -219,76 +243,60 @@ class Operations:
                 half = _RANGE[kind]
                 number = (int(number) + half) % (2 * half) - half
             return self.constant(kind, number)
-        if name == "select":
-            return self._simplified_select(kind, arguments, known)
-        if name in ("and", "or") and kind == "b":
-            return self._simplified_logic(name, arguments, known)
+        first, *others = arguments
         if name in ("fneg", "not"):
-            return self._negated(arguments[0], name)
-        if kind in ("f", "fp") and len(arguments) == 2:
-            return self._simplified_float(name, kind, *arguments)
-        return None
-
-    def _simplified_float(self, name: str, kind: str, a: Value, b: Value) -> Value | None:
-        if name == "fmul":
-            for x, other in ((a, b), (b, a)):
+            return self._operand_of(name, first)
+        if name == "select":
+            yes, no = others
+            if known[0] is not None:
+                return yes if known[0] else no
+            if yes == no:
+                return yes
+            if kind == "b" and None not in known[1:]:
+                return first if known[1] else self.emit("not", "b", first)
+        elif name in ("and", "or") and kind == "b":
+            if first == others[0]:
+                return first
+            for number, value, other in zip(known, arguments, arguments[::-1], strict=True):
+                if number is not None:
+                    # x and True is x, and so is x or False; x and False is False.
+                    return other if bool(number) == (name == "and") else value
+        elif name == "fmul":
+            for x, other in (arguments, arguments[::-1]):
                 if self._is_all(x, 1.0):
                     return other
                 if self._is_all(x, -1.0):
                     return self.emit("fneg", kind, other)
-        elif name == "fdiv" and self._is_all(b, 1.0):
-            return a
+        elif name == "fdiv":
+            return first if self._is_all(others[0], 1.0) else None
         elif name == "fadd":
-            for x, other in ((a, b), (b, a)):
+            for x, other in (arguments, arguments[::-1]):
                 if self._is_all(x, -0.0):
                     return other
-                negated = self._negated(x, "fneg")
+                negated = self._operand_of("fneg", x)
                 if negated is not None:
                     return self.emit("fsub", kind, other, negated)
         elif name == "fsub":
-            if self._is_all(b, 0.0):
-                return a
-            negated = self._negated(b, "fneg")
+            if self._is_all(others[0], 0.0):
+                return first
+            negated = self._operand_of("fneg", others[0])
             if negated is not None:
-                return self.emit("fadd", kind, a, negated)
-        return None
-
-    def _simplified_select(
-        self, kind: str, arguments: tuple[Value, ...], known: list[Number | None]
-    ) -> Value | None:
-        condition, yes, no = arguments
-        if known[0] is not None:
-            return yes if known[0] else no
-        if yes == no:
-            return yes
-        if kind == "b" and known[1] is not None and known[2] is not None:
-            return condition if known[1] else self.emit("not", "b", condition)
-        return None
-
-    def _simplified_logic(
-        self, name: str, arguments: tuple[Value, ...], known: list[Number | None]
-    ) -> Value | None:
-        if arguments[0] == arguments[1]:
-            return arguments[0]
-        for k, other in ((0, 1), (1, 0)):
-            if known[k] is not None:
-                neutral = known[k] if name == "and" else not known[k]
-                return arguments[other] if neutral else arguments[k]
+                return self.emit("fadd", kind, first, negated)
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the number of a value, or the number that all elements of a vector have.
+        """Return the number of a value that is known, or that of all elements of a vector.
 
-        Return ``None`` if the number is unknown until the program runs.
+        **Returns:** the number; ``None`` if only the run determines it.
         """
         # A vector with equal elements is made from one value by the operation "splat".
-        name, arguments = self._definitions.get(value, ("", ()))
-        return self.constants.get(arguments[0] if name == "splat" else value)
+        element = self._operand_of("splat", value)
+        return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is known to be a given number.
+        """Return whether a float, or each element of a vector, is known to be `number`.
 
-        0.0 and -0.0 count as different numbers.
+        0.0 and -0.0 are different numbers here.
         """
         known = self.repeated_number(value)
         return (
@@ -297,18 +305,15 @@ class Operations:
             and math.copysign(1.0, known) == math.copysign(1.0, number)
         )
 
-    def _negated(self, value: Value, name: str) -> Value | None:
-        """Return x if a value was computed as `name`(x), else ``None``.
-
-        **Arguments:** `name`: "fneg" or "not".
-        """
+    def _operand_of(self, name: str, value: Value) -> Value | None:
+        """Return x if a value was computed by the operation `name` from x alone, else ``None``."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
     # Vectors of tangents.
 
     def pack(self, values: list[Value]) -> Value:
-        """Return the vector of values, one for each tangent."""
+        """Return the vector whose elements are the given values, one for each tangent."""
         kind = self.kinds[values[0]]
         name, arguments = self._definitions.get(values[0], ("", ()))
         if name == "element":
@@ -333,10 +338,7 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Within the context, append operations to `block` instead.
-
-        Values that are computed there cannot be reused outside of it.
-        """
+        """Within the context, add entries to `block`. They are not reused after the context."""
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -352,16 +354,19 @@ class Operations:
         return self.cells - cells
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Read the cell `start` + `index`, or `start` without an index, as a value of a kind."""
+        """Add the read of the cell `start` + `index`, or `start` without an index.
+
+        **Returns:** the number in the cell, as a value of the given kind.
+        """
         cell, arguments = self._address(start, index)
-        out = self.new(kind)
+        out = self._new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Write a value to the cell `start` + `index`; without an index, to `start`.
+        """Add the write of a value to the cell `start` + `index`, or `start` without an index.
 
-        Within `masked`, only lanes in which the condition holds write.
+        Within the context `masked`, only lanes in which its condition holds write.
         """
         if self._mask is not None:
             kind = self.kinds[value]
@@ -370,17 +375,23 @@ class Operations:
         self.block.append(Operation(None, "store", (value, *arguments), cell))
 
     @contextmanager
-    def masked(self, condition: Value) -> Iterator[None]:
-        """Within the context, only lanes in which a condition holds write to memory."""
+    def masked(self, condition: Value | None) -> Iterator[None]:
+        """Within the context, only lanes in which a condition holds write to memory.
+
+        The conditions of nested contexts must all hold. With ``None``, all lanes write.
+        """
         outer = self._mask
-        self._mask = condition if outer is None else self.emit("and", "b", outer, condition)
+        if outer is None or condition is None:
+            self._mask = condition
+        else:
+            self._mask = self.emit("and", "b", outer, condition)
         try:
             yield
         finally:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the first cell, and the index as a tuple, empty if it is known."""
+        """Return the first cell and the index, as a tuple that is empty if the index is known."""
         known = None if index is None else self.constants.get(index)
         if known is None:
             return start, () if index is None else (index,)
@@ -389,14 +400,19 @@ class Operations:
     # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """Build a function and return its number, for calls in this block and in inner ones.
+        """Add a function, which this block and inner ones can call.
 
-        Values from outside that the function uses are written to memory where it is built, and read
-        by the function.
+        Values from outside that the function uses are written to memory in this block, where the
+        function reads them.
+
+        **Arguments:** `build`: adds the entries of the function.
+
+        **Returns:** the number of the function.
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
-        with self.inside(inner), self._unmasked():
+        # All lanes compute in a function, also if it is called where a condition holds in few.
+        with self.inside(inner), self.masked(None):
             build()
         self._outside.pop()
         loads: list[Entry] = []
@@ -412,14 +428,15 @@ class Operations:
         return self._depths.get(value, 0) == len(self._outside)
 
     def call(self, function: int) -> None:
-        """Call a function."""
+        """Add a call of the function with the given number."""
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """Write a value to a cell, in all lanes, for a function or its caller.
+        """Write a value to a cell from which a function or its caller reads it.
 
-        Returns the cell, which is a new one unless given. The mask is ignored: a function computes
-        in all lanes.
+        All lanes write, also within `masked`, because a function computes in all lanes.
+
+        **Returns:** the cell, which is a new one unless given.
         """
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
@@ -427,16 +444,8 @@ class Operations:
         return cell
 
     def allocate_for(self, kind: str) -> int:
-        """Reserve cells for a value of a kind and return the first one."""
+        """Reserve the cells of a value of a kind and return the first one."""
         return self.allocate(self.packed if kind.endswith("p") else 1)
-
-    @contextmanager
-    def _unmasked(self) -> Iterator[None]:
-        outer, self._mask = self._mask, None
-        try:
-            yield
-        finally:
-            self._mask = outer
 
     def branch(
         self,
@@ -444,12 +453,16 @@ class Operations:
         yes: Callable[[], list[Value]],
         no: Callable[[], list[Value]],
     ) -> list[Value]:
-        """Add a branch and return its values; `yes` and `no` build the two blocks."""
+        """Add a branch and return its values.
+
+        **Arguments:** `yes`, `no`: add the entries of the two blocks and return the blocks' values,
+        which have the same kinds.
+        """
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
                 values.append(build())
-        outs = [self.new(self.kinds[value]) for value in values[0]]
+        outs = [self._new(self.kinds[value]) for value in values[0]]
         self.block.append(Branch(condition, outs, blocks[0], values[0], blocks[1], values[1]))
         return outs
 
@@ -459,8 +472,13 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop and return its carries after the last iteration."""
-        carries = [self.new(self.kinds[value]) for value in first]
+        """Add a loop and return its carries after the last iteration.
+
+        **Arguments:** `first`: carries before the first iteration; `holds`: adds the condition for
+        a further iteration, as a function of the carries; `body`: adds the loop's body, which
+        returns the next carries.
+        """
+        carries = [self._new(self.kinds[value]) for value in first]
         head, inner = [], []
         with self.inside(head):
             condition = holds(carries)
@@ -470,7 +488,10 @@ class Operations:
         return carries
 
     def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
-        """Add a loop whose body `visit` builds for the indices 0 to `count` - 1."""
+        """Add a loop over the indices 0 to `count` - 1.
+
+        **Arguments:** `visit`: adds the loop's body, as a function of the index.
+        """
 
         def holds(carries: list[Value]) -> Value:
             self.mark_uniform(carries[0])
@@ -482,6 +503,78 @@ class Operations:
 
         zero, end = self.constant("i", 0), self.constant("i", count)
         self.loop([zero], holds, body)
+
+
+class Symbol:
+    """A value of a program, for formulas: Python's operators add operations to the program.
+
+    Operators of floats, integers and bools add the operation of the first operand's kind. The
+    second operand may be a number, which stands for a value of that kind.
+
+    **Arguments:** `ops`: operations of the program; `value`: the value.
+    """
+
+    __slots__ = ("kind", "letter", "ops", "value")
+
+    def __init__(self, ops: Operations, value: Value):
+        self.ops, self.value, self.kind = ops, value, ops.kinds[value]
+        self.letter = self.kind[0]
+
+    def like(self, number: Number) -> "Symbol":
+        """Return a known number as a value of the same kind as this one."""
+        constant = self.ops.constant(self.letter, number)
+        if self.kind.endswith("p"):
+            constant = self.ops.emit("splat", self.kind, constant)
+        return Symbol(self.ops, constant)
+
+    def emit(self, name: str, *others: "Symbol | Number", letter: str = "") -> "Symbol":
+        """Add an operation on this value and others, and return its result.
+
+        **Arguments:** `letter`: first letter of the result's kind, by default that of this value.
+        """
+        kind = letter + self.kind[1:] if letter else self.kind
+        values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
+        return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))
+
+    def __add__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("fadd" if self.letter == "f" else "add", other)
+
+    def __sub__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("fsub" if self.letter == "f" else "sub", other)
+
+    def __mul__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("fmul" if self.letter == "f" else "mul", other)
+
+    def __truediv__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("fdiv", other)
+
+    def __neg__(self) -> "Symbol":
+        return self.emit("fneg") if self.letter == "f" else self.like(0) - self
+
+    def __and__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("and", other)
+
+    def __or__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("or", other)
+
+    def __xor__(self, other: "Symbol | Number") -> "Symbol":
+        return self.emit("xor", other)
+
+    def __invert__(self) -> "Symbol":
+        return self.emit("not")
+
+    def compare(self, name: str, other: "Symbol | Number") -> "Symbol":
+        """Return the bool of a comparison: "lt", "le", "gt", "ge", "eq" or "ne"."""
+        return self.emit(("f" if self.letter == "f" else "i") + name, other, letter="b")
+
+    def select(self, yes: "Symbol", no: "Symbol") -> "Symbol":
+        """Return `yes` where this bool is true, else `no`."""
+        value = self.ops.emit("select", yes.kind, self.value, yes.value, no.value)
+        return Symbol(self.ops, value)
+
+    def is_nan(self) -> "Symbol":
+        """Return whether this float is NaN."""
+        return self.emit("is_nan_either", self, letter="b")
 
 
 def _used(block: Block) -> dict[Value, None]:

@@ -1,19 +1,24 @@
-"""Lower the primitives that rearrange elements: slices, reshapes, concatenations and others.
+"""Rules of the primitives that rearrange or combine elements, such as slices and sums.
 
-Each rule takes the lowering, the equation and its arguments, and returns the equation's results.
-A rule applies the NumPy function of the same name to the flat indices of the elements; the result
-says which element of the argument stands where.
+A rule takes the lowering, the equation and its arguments, adds operations to the program and
+returns the equation's results. A rule that rearranges elements applies the NumPy function of the
+same name to an array with the row-major index of each element: the result has in each position the
+index of the element that is moved there.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial, reduce
 
 import numpy as np
-from jax.extend import core
+from jax.core import ShapedArray
 
+from .elementwise import apply
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
+    Equation,
     EquationRule,
     InMemory,
     Lowering,
@@ -24,24 +29,37 @@ from .lowering import (
     is_contiguous,
     kind_of,
 )
+from .operations import Symbol, Value
 
-Rearrange = Callable[[np.ndarray], np.ndarray]
+Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
+"""Function of the indices of an array's elements and an equation's parameters that returns the
+indices of the elements of each result."""
+Join = Callable[[list[np.ndarray], dict], np.ndarray]
+"""Function of the indices of the elements of several arrays, counted through all arrays, and an
+equation's parameters that returns the indices of the result's elements."""
+Combine = Callable[[Value, Value], Value]
+"""Function that adds an operation on two values and returns its result."""
 
 
 def _rearranged(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, rearrange: Rearrange
+    lower: Lowering,
+    equation: Equation,
+    array: Array,
+    rearrange: Rearrange,
 ) -> list[Array]:
-    return [lower.take(array, rearrange(element_indices(aval_of(equation.invars[0]))))]
+    """Return arrays with the elements of an array in other positions."""
+    indices = element_indices(aval_of(equation.invars[0]))
+    return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
 
-def _reshape(lower: Lowering, equation: core.JaxprEqn, array: Array, *_: Array) -> list[Array]:
+def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
     shape = tuple(aval_of(equation.outvars[0]).shape)
     if isinstance(array, InMemory):
         return [replace(array, shape=shape)]
     return [lower.array(lower.values(array), shape)]
 
 
-def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
+def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
@@ -49,48 +67,29 @@ def _slice(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array
     if isinstance(array, Packed) and aval_of(equation.outvars[0]).shape == (1,):
         # One element of a vector, without those of all other tangents.
         return [lower.array([lower.ops.element(array.value, part[0].start)], (1,))]
-    return _rearranged(lower, equation, array, lambda indices: indices[part])
+    return _rearranged(lower, equation, array, lambda indices, _: [indices[part]])
 
 
-def _broadcast_in_dim(
-    lower: Lowering, equation: core.JaxprEqn, array: Array, *_: Array
-) -> list[Array]:
+def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
 
-    def rearrange(indices: np.ndarray) -> np.ndarray:
+    def rearrange(indices: np.ndarray, _: dict) -> list[np.ndarray]:
         expanded = [1] * len(shape)
         for axis, size in zip(dimensions, indices.shape, strict=True):
             expanded[axis] = size
-        return np.broadcast_to(indices.reshape(expanded), shape)
+        return [np.broadcast_to(indices.reshape(expanded), shape)]
 
     return _rearranged(lower, equation, array, rearrange)
 
 
-def _transpose(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    order = equation.params["permutation"]
-    return _rearranged(lower, equation, array, lambda indices: indices.transpose(order))
-
-
-def _rev(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    axes = equation.params["dimensions"]
-    return _rearranged(lower, equation, array, lambda indices: np.flip(indices, axes))
-
-
-def _tile(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    reps = equation.params["reps"]
-    return _rearranged(lower, equation, array, lambda indices: np.tile(indices, reps))
-
-
-def _joined(
-    lower: Lowering, equation: core.JaxprEqn, arrays: Sequence[Array], join: Callable
-) -> list[Array]:
-    """Join arrays as `join` joins the indices of their elements, counted through all arrays."""
+def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
+    """Return one array with the elements of several arrays."""
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)
-    indices = join([element_indices(aval) + start for aval, start in rows])
+    indices = join([element_indices(aval) + start for aval, start in rows], equation.params)
     out = aval_of(equation.outvars[0])
     if indices.size <= LARGEST_UNROLLED:
         values = [value for array in arrays for value in lower.values(array)]
@@ -103,17 +102,7 @@ def _joined(
     return [memory]
 
 
-def _concatenate(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Array]:
-    axis = equation.params["dimension"]
-    return _joined(lower, equation, arrays, lambda indices: np.concatenate(indices, axis))
-
-
-def _stack(lower: Lowering, equation: core.JaxprEqn, *arrays: Array) -> list[Array]:
-    axis = equation.params.get("axis", equation.params.get("dimension", 0))
-    return _joined(lower, equation, arrays, lambda indices: np.stack(indices, axis))
-
-
-def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array) -> list[Array]:
+def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
@@ -132,39 +121,180 @@ def _pad(lower: Lowering, equation: core.JaxprEqn, array: Array, padding: Array)
     return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
 
 
-def _split(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    sizes, axis = equation.params["sizes"], equation.params["axis"]
-    indices = element_indices(aval_of(equation.invars[0]))
-    parts = np.split(indices, np.cumsum(sizes)[:-1], axis)
-    return [lower.take(array, part) for part in parts]
-
-
-def _unstack(lower: Lowering, equation: core.JaxprEqn, array: Array) -> list[Array]:
-    indices = element_indices(aval_of(equation.invars[0]))
-    parts = np.moveaxis(indices, equation.params.get("axis", 0), 0)
-    return [lower.take(array, part) for part in parts]
-
-
-def _iota(lower: Lowering, equation: core.JaxprEqn) -> list[Array]:
+def _iota(lower: Lowering, equation: Equation) -> list[Array]:
     aval = aval_of(equation.outvars[0])
     numbers = np.indices(aval.shape)[equation.params["dimension"]]
     return [lower.constant(numbers.astype(aval.dtype))]
 
 
+def _nonempty(equation: Equation) -> ShapedArray:
+    """Return shape and dtype of an equation's argument, which must have elements."""
+    aval = aval_of(equation.invars[0])
+    if not aval.size:
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of no elements")
+    return aval
+
+
+def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
+    """Return the array in which the elements along some axes are combined to one.
+
+    **Arguments:** `name`: primitive that combines two elements.
+    """
+    aval, axes = _nonempty(equation), tuple(equation.params["axes"])
+    out, combine = aval_of(equation.outvars[0]), partial(apply, lower.ops, name)
+    if isinstance(array, InMemory):
+        if out.shape != ():
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
+        return [_cumulate_memory(lower, array, combine)[-1]]
+    values = np.array(lower.values(array)).reshape(aval.shape)
+    others = [k for k in range(values.ndim) if k not in axes]
+    rows = values.transpose([*others, *axes]).reshape(out.size, -1)
+    # A sum one by one can absorb a product at each addition (a fused multiply-add); for all other
+    # operations a tree has the shorter chain of dependent instructions.
+    fold = partial(reduce, combine) if name in ("add", "mul") else partial(_by_halves, combine)
+    return [lower.array([fold(row) for row in rows.tolist()], tuple(out.shape))]
+
+
+def _by_halves(combine: Combine, row: list[Value]) -> Value:
+    """Combine the values of a row by a binary tree."""
+    if len(row) == 1:
+        return row[0]
+    middle = len(row) // 2
+    return combine(_by_halves(combine, row[:middle]), _by_halves(combine, row[middle:]))
+
+
+def _cumulate_memory(
+    lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
+) -> list[Value]:
+    """Add a loop that combines all elements of an array in memory, from the first to the last.
+
+    **Arguments:** `out`: array to which the intermediate result after each element is written.
+
+    **Returns:** an index and the total.
+    """
+    ops = lower.ops
+    first = ops.load(array.kind, array.start)
+    if out is not None:
+        ops.store(first, out.start)
+    end = ops.constant("i", array.size)
+
+    def body(carries: list[Value]) -> list[Value]:
+        k, total = carries
+        total = combine(total, ops.load(array.kind, array.start, k))
+        if out is not None:
+            ops.store(total, out.start, k)
+        return [ops.emit("add", "i", k, ops.constant("i", 1)), total]
+
+    start = [ops.constant("i", 1), first]
+    return ops.loop(start, lambda carries: ops.emit("ilt", "b", carries[0], end), body)
+
+
+def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
+    """Return the array of intermediate results of combining the elements along an axis.
+
+    **Arguments:** `name`: primitive that combines two elements.
+    """
+    aval = aval_of(equation.invars[0])
+    combine = partial(apply, lower.ops, name)
+    axis, reverse = equation.params["axis"], equation.params["reverse"]
+    if isinstance(array, InMemory):
+        if len(aval.shape) != 1 or reverse:
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
+        out = lower.new_array(array.shape, array.kind)
+        _cumulate_memory(lower, array, combine, out)
+        return [out]
+    values = np.array(lower.values(array), dtype=np.int64).reshape(aval.shape)
+    # A view of `values`, in which the rows are replaced one after the other.
+    rows = np.moveaxis(values, axis, 0)
+    rows = rows[::-1] if reverse else rows
+    for k in range(1, len(rows)):
+        for position in np.ndindex(*rows.shape[1:]):
+            before, value = rows[(k - 1, *position)], rows[(k, *position)]
+            rows[(k, *position)] = combine(int(before), int(value))
+    return [lower.array(values.ravel().tolist(), tuple(aval.shape))]
+
+
+def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis."""
+    aval, (axis,) = _nonempty(equation), equation.params["axes"]
+    out, ops = aval_of(equation.outvars[0]), lower.ops
+    if isinstance(array, InMemory):
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+    values = np.moveaxis(np.array(lower.values(array)).reshape(aval.shape), axis, -1)
+    indices = []
+    for row in values.reshape(-1, aval.shape[axis]).tolist():
+        best, *others = (Symbol(ops, value) for value in row)
+        index = Symbol(ops, ops.constant(kind_of(out), 0))
+        for k, value in enumerate(others, 1):
+            better = Symbol(ops, apply(ops, compare, value.value, best.value))
+            if best.letter == "f":
+                # The first NaN counts as the extreme.
+                better = (better | value.is_nan()) & ~best.is_nan()
+            best, index = better.select(value, best), better.select(index.like(k), index)
+        indices.append(index.value)
+    return [lower.array(indices, tuple(out.shape))]
+
+
+def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
+    (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    if isinstance(first, InMemory) or isinstance(second, InMemory):
+        raise UnsupportedPrimitiveError("dot_general of large arrays")
+    out = aval_of(equation.outvars[0])
+
+    def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
+        """Return the elements in the shape (batch, rows, summed elements)."""
+        shape = aval_of(equation.invars[number]).shape
+        values = np.array(lower.values(array)).reshape(shape)
+        others = [k for k in range(len(shape)) if k not in (*batch, *along)]
+        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
+
+    add, multiply = (partial(apply, lower.ops, name) for name in ("add", "mul"))
+    left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
+    totals = [
+        reduce(add, [multiply(x, y) for x, y in zip(a, b, strict=True)])
+        for lefts, rights in zip(left_rows, right_rows, strict=True)
+        for a in lefts
+        for b in rights
+    ]
+    return [lower.array(totals, tuple(out.shape))]
+
+
+_REARRANGED: dict[str, Rearrange] = {
+    "transpose": lambda indices, given: [indices.transpose(given["permutation"])],
+    "rev": lambda indices, given: [np.flip(indices, given["dimensions"])],
+    "tile": lambda indices, given: [np.tile(indices, given["reps"])],
+    "split": lambda indices, given: np.split(
+        indices, np.cumsum(given["sizes"])[:-1], given["axis"]
+    ),
+    "unstack": lambda indices, given: [*np.moveaxis(indices, given.get("axis", 0), 0)],
+}
+_JOINED: dict[str, Join] = {
+    "concatenate": lambda indices, given: np.concatenate(indices, given["dimension"]),
+    "stack": lambda indices, given: np.stack(indices, given.get("axis", given.get("dimension", 0))),
+}
 RULES: dict[str, EquationRule] = {
     "squeeze": _reshape,
     "reshape": _reshape,
     "expand_dims": _reshape,
     "slice": _slice,
     "broadcast_in_dim": _broadcast_in_dim,
-    "transpose": _transpose,
-    "rev": _rev,
-    "tile": _tile,
-    "concatenate": _concatenate,
-    "stack": _stack,
+    **{name: partial(_rearranged, rearrange=f) for name, f in _REARRANGED.items()},
+    **{name: partial(_joined, join=join) for name, join in _JOINED.items()},
     "pad": _pad,
-    "split": _split,
-    "unstack": _unstack,
     "iota": _iota,
+    "reduce_sum": partial(_reduce, name="add"),
+    "reduce_prod": partial(_reduce, name="mul"),
+    "reduce_max": partial(_reduce, name="max"),
+    "reduce_min": partial(_reduce, name="min"),
+    "reduce_or": partial(_reduce, name="or"),
+    "reduce_and": partial(_reduce, name="and"),
+    "cumsum": partial(_cumulate, name="add"),
+    "cumprod": partial(_cumulate, name="mul"),
+    "cummax": partial(_cumulate, name="max"),
+    "cummin": partial(_cumulate, name="min"),
+    "argmax": partial(_arg_extreme, compare="gt"),
+    "argmin": partial(_arg_extreme, compare="lt"),
+    "dot_general": _dot_general,
 }
 """Rules by the names of primitives."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import and_
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -43,18 +44,19 @@ from ..parametrisation.variations import (
 class Axis:
     """A number of the scene or of the initial state, and the values that a sweep gives it.
 
+    `Axis.initial` makes an axis of a number of the initial state. `Axis.change` makes one for a
+    parameter on which several numbers depend, such as a length, from a function that returns scene
+    and state for a value.
+
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as
       ``lambda scene: scene.joints["pin"].clearance``, or a variation
-      (`clearjoint.parametrisation.variations`). A path that returns several numbers gives all of
-      them the same value.
-    - `values`: (n,), in the SI unit of the number; n lanes, or more in combination with other axes.
-    - `unit`: text that labels the values in the results and converts nothing; by default the unit
-      of the number in the scene.
-
-    `Axis.initial` takes a path in the initial state. `Axis.change` takes a function that makes
-    scene and state from a value, for parameters on which several numbers depend, such as lengths.
+      (`clearjoint.parametrisation.variations`). If it returns several numbers, all of them get the
+      same value.
+    - `values`: (n,), in the SI unit of the number.
+    - `unit`: text that labels the values in the results; by default the unit of the number in the
+      scene. It does not convert the values.
 
     **Raises:** `ValueError` for values that are not a row of finite numbers.
 
@@ -71,13 +73,8 @@ class Axis:
     ):
         variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
         row = np.asarray(as_number(values, "values"))
-        require(
-            row.ndim == 1 and row.size > 0,
-            "values",
-            row,
-            "a row of numbers",
-            "pass shape (n,), one number at least",
-        )
+        is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
+        require(is_row, "values", row, "a row of numbers", remedy)
         require_finite("values", row)
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "values", row)
@@ -93,7 +90,7 @@ class Axis:
 
     @staticmethod
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
-        """Return an axis whose values enter the scene and the initial state through a function.
+        """Return an axis whose values change the scene and the initial state by a function.
 
         **Arguments:**
 
@@ -105,20 +102,18 @@ class Axis:
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the axis's values as text: the given label, or the number's SI
-        unit."""
+        """Return the unit of the values as text: the given one, or the number's unit in a scene."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
-        """Return a function of (scene, state, value) that returns the pair with the value set.
+        """Return a function of a scene, a state and a value that returns both with the value set.
 
-        It accepts scenes and states of the same structure as `scene` and `state`.
+        The function takes scenes and states of the same structure as `scene` and `state`.
         """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return text with the class name of the variation and a description of the user's
-        function."""
+        """Return the class of the variation and a description of its function as text."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -131,8 +126,8 @@ class Lanes:
     - `scenes`: PyTree like `scene`; a varied leaf is an array (lanes, ...), another leaf is
       ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
-    - `bad`: error message by number of the lane, for lanes with invalid values. These lanes don't
-      run; their arrays contain the values of `scene` and `state`.
+    - `bad`: error messages by number of the lane, for lanes with invalid values. These lanes don't
+      run, and their numbers are those of `scene` and `state`.
     """
 
     scene: Scene
@@ -149,16 +144,24 @@ class Lanes:
         """
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
+        return unpack(self.expanded(joints, varied), leading=1)
+
+    def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
+        """Return a part of `scene` with arrays (lanes, ...) in place of its numbers.
+
+        **Arguments:** `tree`: the part of `scene`; `varied`: the same part of `scenes`.
+        """
         count = len(jax.tree.leaves(self.states)[0])
 
-        def in_all(base: np.ndarray, in_lanes: np.ndarray | None) -> np.ndarray:
-            return np.broadcast_to(base, (count, *np.shape(base))) if in_lanes is None else in_lanes
+        def in_all(base: PyTree, in_lanes: np.ndarray | None) -> PyTree:
+            if in_lanes is not None or not eqx.is_array_like(base):
+                return base if in_lanes is None else in_lanes
+            return np.broadcast_to(base, (count, *np.shape(base)))
 
-        return unpack(jax.tree.map(in_all, joints, varied), leading=1)
+        return jax.tree.map(in_all, tree, varied)
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return the pair (scene, initial state) of the lane with the number `lane`, counted
-        from 0."""
+        """Return the scene and the initial state of the lane with the given number."""
         scene = jax.tree.map(
             lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
             self.scene,
@@ -173,8 +176,8 @@ def lanes_of(
 ) -> Lanes:
     """Return the scenes and initial states of all lanes.
 
-    Values that the constructors of a scene's elements refuse don't raise an error; their lanes are
-    listed in `Lanes.bad`.
+    Values that the constructors of a scene's elements refuse don't raise an error. Their lanes are
+    added to `Lanes.bad`.
 
     **Arguments:**
 
@@ -189,13 +192,14 @@ def lanes_of(
         columns = _columns_by_setters(scene, base, changes, values)
     else:
         columns = _columns_by_functions(scene, state, changes, values, bad)
-    changed = tuple(column is not None for column in columns)
-    count, scene_leaves = len(next(iter(values.values()))), len(jax.tree.leaves(scene))
-    # The constructors' checks run in Python, lane by lane, and their messages go to the user. Lanes
-    # that native code has already found to be valid are skipped.
+    changed = tuple(k in columns for k in range(len(base)))
+    scene_leaves = len(jax.tree.leaves(scene))
+    # The constructors' checks run in Python, lane by lane, because their messages go to the user.
+    # Lanes that native code has found to be valid are skipped.
     for lane in np.flatnonzero(~_known_valid(scene, state, columns)).tolist():
-        pairs = zip(base, columns, strict=True)
-        leaves = [leaf if c is None else np.asarray(c[lane]) for leaf, c in pairs]
+        leaves = [
+            np.asarray(columns[k][lane]) if k in columns else leaf for k, leaf in enumerate(base)
+        ]
         scene_and_state = jax.tree.unflatten(structure, leaves)
         try:
             recheck_changes(scene_and_state, structure, changed)
@@ -203,34 +207,32 @@ def lanes_of(
                 check_names(*scene_and_state)
         except ValueError as error:
             bad.setdefault(lane, str(error))
-    # Bad lanes don't run. They take the base values, so that no NaN reaches the other lanes'
-    # computations and a number that only bad lanes change still counts as constant.
-    for column, leaf in zip(columns, base, strict=True):
-        if column is not None:
-            column[list(bad)] = leaf
-    differs = [
-        column is not None and bool((column != leaf).any())
-        for column, leaf in zip(columns, base, strict=True)
-    ]
-    scenes = [c if d else None for c, d in zip(columns, differs, strict=True)][:scene_leaves]
+    # Bad lanes don't run. They get the base values, so that NaN doesn't reach computations for all
+    # lanes, and a number that only bad lanes change counts as constant.
+    for k, column in columns.items():
+        column[list(bad)] = base[k]
+    differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
+    varied = differs[:scene_leaves]
+    scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
+    count = len(next(iter(values.values())))
     states = [
-        np.broadcast_to(leaf, (count, *np.shape(leaf))) if c is None else c
-        for c, leaf in zip(columns[scene_leaves:], base[scene_leaves:], strict=True)
+        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k]))))
+        for k in range(scene_leaves, len(base))
     ]
-    scene_structure = jax.tree.structure(scene)
+    scene_structure, state_structure = map(jax.tree.structure, (scene, state))
     return Lanes(
         scene,
         state,
-        jax.tree.unflatten(scene_structure, differs[:scene_leaves]),
+        jax.tree.unflatten(scene_structure, varied),
         jax.tree.unflatten(scene_structure, scenes),
-        jax.tree.unflatten(jax.tree.structure(state), states),
+        jax.tree.unflatten(state_structure, states),
         dict(sorted(bad.items())),
     )
 
 
-Columns = list[np.ndarray | None]
-"""For each leaf of (scene, state), in the order of `jax.tree.leaves`, its values in all lanes,
-(lanes, ...); ``None`` for a leaf that no axis changes."""
+Columns = dict[int, np.ndarray]
+"""Values in all lanes, (lanes, ...), of each leaf of (scene, state) that an axis changes, by the
+index of the leaf in the order of `jax.tree.leaves`."""
 
 
 def _columns_by_setters(
@@ -239,7 +241,7 @@ def _columns_by_setters(
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """Return the columns, without a loop over lanes. Every axis must set numbers at paths.
+    """Return the columns without a loop over lanes, for axes that only set numbers.
 
     **Arguments:**
 
@@ -248,18 +250,16 @@ def _columns_by_setters(
     - `changes`: by name of the axis, its `NumberSetter`.
     - `values`: by name of the axis, its values in every lane, (lanes,).
     """
-    columns: Columns = [None] * len(base)
+    columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
         assert isinstance(setter, NumberSetter)
         for number in setter.numbers:
             # `base` has the leaves of the scene first, then those of the state.
             k = number.leaf if setter.in_scene else scene_leaves + number.leaf
-            row, column = values[name], columns[k]
-            if column is None:
-                column = np.repeat(np.asarray(base[k], float)[None], len(row), axis=0)
-            column[(slice(None), *number.component)] = row
-            columns[k] = column
+            if k not in columns:
+                columns[k] = np.repeat(np.asarray(base[k], float)[None], len(values[name]), axis=0)
+            columns[k][(slice(None), *number.component)] = values[name]
     return columns
 
 
@@ -284,59 +284,58 @@ def _columns_by_functions(
                     changed = change(*changed, values[name][lane])
             leaves, changed_structure = jax.tree.flatten(changed)
             pairs = zip(leaves, base, strict=False)
-            require(
-                # All lanes run in one compiled program, which needs equal structure and shapes.
-                changed_structure == structure
-                and all(a is b or np.shape(a) == np.shape(b) for a, b in pairs),
-                "axes",
-                "a change of the structure",
-                "functions that change numbers only",
-                "keep the names, kinds and shapes of arrays of scene and state in all lanes",
+            # All lanes run in one compiled program, which needs equal structure and shapes.
+            alike = changed_structure == structure and all(
+                a is b or np.shape(a) == np.shape(b) for a, b in pairs
             )
+            given, expected = "a change of the structure", "functions that change numbers only"
+            remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
+            require(alike, "axes", given, expected, remedy)
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
-    return [
-        None
-        if all(value is leaf or np.array_equal(value, leaf) for value in column)
-        else np.stack(column)
-        for column, leaf in zip(zip(*rows, strict=True), base, strict=True)
-    ]
+    by_leaf = enumerate(zip(zip(*rows, strict=True), base, strict=True))
+    return {
+        k: np.stack(column)
+        for k, (column, leaf) in by_leaf
+        if not all(value is leaf or np.array_equal(value, leaf) for value in column)
+    }
 
 
 FEW = 16
-"""Largest number of lanes whose values are checked in Python only, in which compilation of the
-checks would take longer than the checks."""
+"""Largest number of lanes whose values are checked in Python only. For these, compiling the checks
+would take longer than the checks themselves."""
 
 
 def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
-    """Return an array of bool, (lanes,): ``True`` where compiled checks accept the lane's values.
+    """Return for each lane, (lanes,), whether compiled checks accept the lane's values.
 
-    ``False`` means that the lane must be checked in Python, whether its values are valid or not.
-    The array is empty if no leaf changes.
+    ``False`` means that the lane must be checked in Python; its values may be valid. The array is
+    empty if no leaf changes.
     """
-    varied = [column for column in columns if column is not None]
-    if not varied:
+    if not columns:
         return np.ones(0, bool)
-    unknown = np.zeros(len(varied[0]), bool)
+    unknown = np.zeros(len(next(iter(columns.values()))), bool)
     if len(unknown) <= FEW:
         return unknown
-    changed = tuple(column is not None for column in columns)
+    changed = tuple(k in columns for k in range(len(jax.tree.leaves((scene, state)))))
     # User-defined elements may have checks that can't be compiled, and a check may raise an error
     # about something other than numbers. All lanes are then checked in Python.
     with suppress(UnsupportedPrimitiveError, ValueError):
-        valid = _checks.rows((scene, state, changed), [*columns, *[None] * len(changed)])
+        per_leaf = [columns.get(k) for k in range(len(changed))]
+        valid = _checks.rows((scene, state, changed), [*per_leaf, *[None] * len(changed)])
         return unknown if valid is None else valid
     return unknown
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Return one condition: whether the elements with changed leaves pass their constructors'
-    checks.
+    """Return whether the elements with changed leaves pass the checks of their constructors.
 
-    `changed` has one entry for each leaf of (scene, state). **Returns:** ``None`` if a check needs
-    the values of numbers, which are unknown while JAX traces the function.
+    **Arguments:** `changed`: for each leaf of (scene, state), whether it changes.
+
+    **Returns:** a condition; ``None`` if a check needs the values of numbers, which are unknown
+    while JAX traces this function.
     """
     tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
@@ -349,9 +348,9 @@ _checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
-    """Return a PyTree like the scene whose leaves are ``True`` where an axis can change the number.
+    """Return a PyTree like the scene with ``True`` for each number that an axis can change.
 
-    Unlike `Lanes.varied`, it also marks leaves that happen to be equal in all present lanes.
+    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

@@ -1,4 +1,4 @@
-"""Computation of the lanes that are missing in a store, chunk by chunk, with progress bars."""
+"""Computation of the lanes that are missing in a store, with progress bars."""
 
 import logging
 import sys
@@ -28,7 +28,7 @@ LONG_START = 20.0
 ROUNDS = 3
 """Number of attempts to compute the lanes that are missing in the store."""
 WRITE_PERIOD = 10.0
-"""Longest time, s, that a finished lane waits for its chunk before it is written alone."""
+"""Longest time, s, for which a lane that has ended waits for the other lanes of its chunk."""
 WRITE_SHARE = 0.1
 """Largest share of the time that writing incomplete chunks may take."""
 STORED = "stored"
@@ -43,19 +43,19 @@ def compute_missing(
     threads: int | None,
     progress: bool,
 ) -> "xr.Dataset":
-    """Run the lanes that are missing in the store, and return the results of all lanes.
+    """Run the lanes that are missing in a store, and return the results of all lanes.
 
     **Arguments:**
 
     - `work`: the lanes of the sweep.
-    - `store`: where results are kept.
-    - `trace`: function that returns digests of the programs, with which worker processes check that
-      they have the same code; ``None`` for no check.
+    - `store`: store of the results.
+    - `trace`: function with which worker processes check that they have the same code as this one;
+      ``None`` for no check.
     - `executor`, `threads`, `progress`: as in `sweep`.
     """
     try:
-        # Another process that writes to the same chunks may discard lanes that were written here:
-        # the store is read again, and lanes that are still missing are run again.
+        # Another process that writes to the same chunks may discard lanes that were written here.
+        # So the store is read again, and lanes that are missing are run again.
         for _ in range(ROUNDS):
             missing = store.missing()
             done = len(work) - sum(map(len, missing.values()))
@@ -75,6 +75,7 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
 ) -> None:
+    """Compute chunks on an executor and write them to the store."""
     missing = chunks.lanes
 
     def on_done(chunk: int, results: LaneArrays) -> None:
@@ -102,6 +103,10 @@ def _by_threads(
     threads: int | None,
     bar: tqdm,
 ) -> None:
+    """Compute lanes in threads of this process and write them to the store.
+
+    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk.
+    """
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -118,11 +123,10 @@ def _by_threads(
 class _Writer:
     """Collects the results of lanes that have ended, and writes them to the store.
 
-    The store keeps lanes in chunks, and each write replaces whole chunks. A chunk is therefore
-    written when its last lane has ended. Ended lanes of incomplete chunks are written
-    together when their number reaches the size of a chunk, or `WRITE_PERIOD` seconds after the
-    previous such write, but not so often that writing takes more than the share `WRITE_SHARE` of
-    the time.
+    Each write replaces whole chunks of the store, so a chunk is written when its last lane has
+    ended. Lanes of incomplete chunks are written together when their number reaches the size of a
+    chunk, or `WRITE_PERIOD` seconds after the previous such write. These writes take at most the
+    share `WRITE_SHARE` of the time.
 
     **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
     `store`: where results are written; `bar`: progress bar that counts written lanes.
@@ -153,20 +157,19 @@ class _Writer:
         self.write_if_due()
 
     def _lanes_waiting(self, chunk: int) -> int:
+        """Return the number of lanes of a chunk that have ended and are not yet written."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write ended lanes of incomplete chunks if they fill a chunk or wait for `WRITE_PERIOD`
-        seconds."""
+        """Write lanes of incomplete chunks if they are many or have waited for long."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
-        # Each write replaces whole chunks, which is slow on a slow disk: the time since the last
-        # write must be long relative to its duration.
+        # On a slow disk, the time since the last write must be long relative to its duration.
         if since > self._write_seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
             self.write_all()
 
     def write_all(self) -> None:
-        """Write the results of all lanes that have ended and are not yet written."""
+        """Write all lanes that have ended and are not yet written."""
         start = time.monotonic()
         for chunk in list(self._waiting):
             self._write(chunk)
@@ -174,6 +177,7 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _write(self, chunk: int) -> None:
+        """Write the lanes of a chunk that have ended."""
         lanes, results = concatenated(self._waiting.pop(chunk))
         self._store.write(chunk, lanes.tolist(), results)
         self._unwritten[chunk] -= len(lanes)
@@ -181,12 +185,13 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the stored lanes, with the time left, as a context manager.
+    """Return a progress bar of the stored lanes as a context manager.
 
-    The bar appears after two seconds; its method `update(n)` counts n more lanes.
+    The bar appears after two seconds and shows the time left. Its method `update(n)` counts n more
+    lanes. If lanes were stored before, a line on the terminal says so.
 
     **Arguments:** `lanes`: number of lanes of the sweep; `done`: number of lanes that were stored
-    before, of which a line tells if it is not zero; `show`: whether to show anything.
+    before; `show`: whether to show anything.
     """
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
@@ -204,7 +209,7 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 
 
 def show_running(bar: tqdm, running: Running) -> None:
-    """Show in a progress bar which times, s, the running lanes have reached, and the time left."""
+    """Show in a progress bar the time left, and the simulated times that lanes have reached."""
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"

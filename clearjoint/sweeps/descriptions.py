@@ -1,34 +1,124 @@
-"""Description of a sweep as texts: settings that a store compares, and notes for readers."""
+"""Description of a sweep before it runs: its variables, settings and notes, from its arguments."""
 
 from collections.abc import Callable, Mapping
 
 import jax
+import numpy as np
 from jaxtyping import PyTree
 
 from ..export.provenance import describe, described, versions
+from ..fields.checks import require
 from ..model.scene import Scene
 from ..native import is_native
 from ..parametrisation.paths import parameters
+from ..result_codes import result_numbers
+from ..simulation.reductions.base import AbstractReduction
+from ..simulation.results.impact_table import IMPACT_UNITS
+from ..simulation.results.state_tables import LABELS, STATE_PARTS, contact_label
+from ..simulation.run.sections import Section
 from ..simulation.step.settings import Settings
 from .axes import Axis, Lanes
-from .outputs import Output
+from .layout import PENDING, RESULT, Coordinate, Variable
+from .outputs import ImpactTable, Output, StatesOfLanes
+from .work import CONTACT, variable_name
+
+
+def variables_of(
+    scene: Scene, outputs: Mapping[str, Output]
+) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
+    """Return the variables of a sweep by name, and the labels of their dimensions.
+
+    **Raises:** `ValueError` for an output whose variables have names that are already used.
+    """
+    codes = result_numbers()
+    flags = {
+        "flag_values": [PENDING, *codes.values()],
+        "flag_meanings": " ".join(["pending", *codes]),
+    }
+    variables = {
+        RESULT: Variable(dtype="int8", description="result code of the run", attrs=flags),
+        "time_reached": Variable(unit="s", description="time at which the run ended"),
+        "attempts": Variable(dtype="int64", description="steps tried"),
+        "accepted": Variable(dtype="int64", description="steps accepted"),
+        **_states(scene, "final", "of the bodies at the end"),
+    }
+    coordinates = [
+        Coordinate("body", np.array(list(scene.bodies), dtype=str)),
+        *(Coordinate(name, np.array(labels)) for name, labels in LABELS.items()),
+    ]
+    for name, output in outputs.items():
+        if isinstance(output, ImpactTable):
+            labels = [contact_label(*contact) for contact in output.contacts(scene)]
+            coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+        elif isinstance(output, StatesOfLanes):
+            coordinates.append(Coordinate(variable_name(name, "time"), output.times, "s"))
+        further = _variables_of_output(scene, name, output)
+        twice = sorted(set(variables) & set(further))
+        expected = "an output whose results have unused names"
+        require(not twice, f"outputs[{name!r}]", twice, expected, "rename the output")
+        variables |= further
+    return variables, tuple(coordinates)
+
+
+def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, Variable]:
+    """Return the variables of one output by name."""
+    if isinstance(output, StatesOfLanes):
+        return _states(scene, name, "of the bodies", (variable_name(name, "time"), output.times))
+    if isinstance(output, AbstractReduction):
+        kind = type(output).__name__
+        texts = {key: f"{kind}, {key}" if key else kind for key in output.units()}
+        return {
+            variable_name(name, key): Variable(unit=unit, description=texts[key])
+            for key, unit in output.units().items()
+        }
+    counted: dict[str, Variable] = {}
+    if isinstance(output, ImpactTable):
+        dims = variable_name(name, CONTACT), variable_name(name, "number")
+        shape, units = (len(output.contacts(scene)), output.count), IMPACT_UNITS
+        counted["count"] = Variable(dims[:1], shape[:1], "int64", description="impacts recorded")
+    else:
+        dims, units = (variable_name(name, "number"),), {"time": "s"}
+        units |= {key: unit for key, (_, unit) in output.channels.items()}
+        if isinstance(output, Section):
+            shape = (output.count,)
+            counted["count"] = Variable(dtype="int64", description="crossings recorded")
+        else:
+            shape = (len(output.at(scene)),)
+    columns = {key: Variable(dims, shape, unit=unit) for key, unit in units.items()}
+    return {variable_name(name, key): v for key, v in (counted | columns).items()}
+
+
+def _states(
+    scene: Scene, name: str, description: str, along: tuple[str, np.ndarray] | None = None
+) -> dict[str, Variable]:
+    """Return variables with the states of all bodies.
+
+    **Arguments:** `name`: output to which the states belong; `description`: end of the variables'
+    descriptions; `along`: name of a dimension before that of the bodies, and its labels.
+    """
+    dims, shape = ((), ()) if along is None else (along[:1], along[1].shape)
+    return {
+        variable_name(name, part): Variable(
+            (*dims, "body", dim),
+            (*shape, len(scene.bodies), len(LABELS[dim])),
+            unit=unit,
+            description=f"{part} {description}",
+        )
+        for part, (dim, unit) in STATE_PARTS.items()
+    }
 
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
     """Return, as texts by name, the settings that a store compares.
 
-    A sweep with other settings is another sweep: its lanes would have other numbers.
+    The numbers of the lanes depend on them, so a sweep with other settings is another sweep.
+
+    **Arguments:** `start_time`: s.
     """
-    numbers = {
-        "start_time": start_time,
-        "rtol": settings.rtol,
-        "atol": settings.atol,
-        "landing_tolerance": settings.landing_tolerance,
-        "ledger": settings.ledger,
-        "max_steps": settings.max_steps,
-        "program": "native" if is_native() else f"XLA, {jax.default_backend()}",
-    }
-    return described(numbers) | versions()
+    names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
+    values = {name: getattr(settings, name) for name in names}
+    program = "native" if is_native() else f"XLA, {jax.default_backend()}"
+    return described({"start_time": start_time, **values, "program": program}) | versions()
 
 
 def notes_for_readers(
@@ -40,18 +130,15 @@ def notes_for_readers(
 ) -> dict[str, str]:
     """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
 
-    A store does not compare these notes: the traced programs and the lanes' numbers identify the
-    sweep (see `clearjoint.sweeps.store.identity`).
+    A store does not compare these notes. It recognises a sweep by the traced programs and the
+    numbers of the lanes (see `clearjoint.sweeps.store.program`).
     """
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
+    names = ("solver", "controller", "first_step", "stabilisation", "redundant")
     choices = {
         "end_time": end_time,
-        "solver": settings.solver,
-        "controller": settings.controller,
-        "first_step": settings.first_step,
+        **{name: getattr(settings, name) for name in names},
         "method: coordinates": settings.coordinates,
-        "stabilisation": settings.stabilisation,
-        "redundant": settings.redundant,
         **{f"output {name}": output for name, output in outputs.items()},
     }
     return {

@@ -2,7 +2,7 @@
 
 Chunks are independent and may be computed more than once. Any executor with the interface of
 `concurrent.futures.Executor` is accepted, and so is a client of Dask's distributed scheduler, which
-computes the chunks of a worker that died on another worker. On the cores of one machine, in a
+computes the chunks of a worker that dies on another worker. On the cores of one machine, in a
 script below ``if __name__ == "__main__":`` ::
 
     spawn = multiprocessing.get_context("spawn")
@@ -13,8 +13,8 @@ and on a cluster::
     with dask.distributed.Client("tcp://scheduler:8786") as client: ...
 
 The function that computes a chunk is sent to workers by cloudpickle, which supports closures and
-functions from notebooks. This process's runtime settings (`clearjoint.configure`) are sent too, and
-worker processes use them.
+functions from notebooks. The runtime settings of this process (`clearjoint.configure`) are sent
+too, and worker processes use them.
 """
 
 import inspect
@@ -48,10 +48,12 @@ from .layout import LaneArrays
 
 
 class _Pickler(cloudpickle.Pickler):
+    """Pickles functions and classes of scripts and notebooks, among them equinox modules."""
+
     def reducer_override(self, value: object) -> object:
-        # cloudpickle makes a class of a script or notebook without attributes first and sets them
+        # cloudpickle makes a class of a script or notebook without attributes and sets them
         # afterwards. An equinox module needs its fields when it is made, because its metaclass
-        # turns it into a dataclass then.
+        # turns it into a dataclass at that time.
         reduced = super().reducer_override(value)
         if reduced is NotImplemented or not isinstance(value, type):
             return reduced
@@ -71,7 +73,7 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make an equinox class that has its fields from the start; a worker unpickles classes by this.
+    """Make an equinox class that has its fields from the start, when a worker unpickles the class.
 
     **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
     arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
@@ -91,7 +93,7 @@ def _placeholder(self: object) -> None:
 
 
 ChunkFunction = Callable[[int], LaneArrays]
-"""Function that receives the number of a chunk and returns the results of its lanes."""
+"""Function of the number of a chunk that returns the results of its lanes."""
 RETRIES = 3
 """Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
 TICK = 1.0
@@ -109,7 +111,7 @@ class AbstractSubmitter(Protocol):
 
 
 class ChunkError(RuntimeError):
-    """Error of chunks of a sweep that could not be computed.
+    """Raised for chunks of a sweep that an executor could not compute.
 
     - `chunks`: numbers of the chunks.
     - `__cause__`: the first error.
@@ -161,19 +163,21 @@ def run_chunks(
             for _ in range(min(room, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
-            # Before the first result workers start and compile, for which `on_start` is called
-            # every second.
+            # Until the first result, while workers start and compile, `on_start` is called every
+            # second.
             ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
             if not done and not ended:
                 on_start(time.monotonic() - started)
             for future in ended:
                 chunk = running.pop(future)
-                error = _error(future)
-                if error is None:
+                if future.cancelled():
+                    text = "the executor cancelled it; has it been shut down?"
+                    failed[chunk] = CancelledError(text)
+                elif (error := future.exception()) is not None:
+                    failed[chunk] = error
+                else:
                     on_done(chunk, future.result())
                     done += 1
-                else:
-                    failed[chunk] = error
     finally:
         for future in running:
             future.cancel()
@@ -185,7 +189,13 @@ class _Pool:
     """An executor or a Dask client, with the function that its workers call for each chunk."""
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
-        _check(executor)
+        remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
+        expected = "a concurrent.futures.Executor or a dask.distributed.Client"
+        require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
+        context = getattr(executor, "_mp_context", None)
+        survives = context is None or context.get_start_method() != "fork"
+        expected = "a pool of processes that are not forked, since JAX's threads don't survive that"
+        require(survives, "executor", executor, expected, remedy)
         # A Dask client keeps the result of a task and returns it for an equal task, unless the task
         # is declared impure.
         make = getattr(executor, "get_executor", None)
@@ -195,16 +205,15 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return how many chunks may be submitted and unfinished; a cluster's workers may come
-        and go."""
-        if self._threads is not None:
+        """Return how many chunks may be submitted and unfinished at present."""
+        if self._threads is not None:  # The number of workers of a cluster may change.
             workers = sum(self._threads().values())
         else:
             workers = getattr(self._executor, "_max_workers", None) or os.cpu_count() or 1
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk and return its future, which has an error if the executor is broken."""
+        """Submit a chunk and return its future; if the executor is broken, it has the error."""
         try:
             return self._executor.submit(self._call, chunk)
         except BrokenExecutor as error:
@@ -213,26 +222,8 @@ class _Pool:
             return broken
 
 
-def _check(executor: AbstractSubmitter) -> None:
-    require(
-        hasattr(executor, "submit"),
-        "executor",
-        executor,
-        "a concurrent.futures.Executor or a dask.distributed.Client",
-        "pass for example ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))",
-    )
-    context = getattr(executor, "_mp_context", None)
-    require(
-        context is None or context.get_start_method() != "fork",
-        "executor",
-        executor,
-        "a pool whose processes are not forked, since JAX's threads do not survive a fork",
-        "pass mp_context=multiprocessing.get_context('spawn') to the ProcessPoolExecutor",
-    )
-
-
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings and the encoded function as bytes.
+    """Return the runtime settings of this process and the encoded function as bytes.
 
     The function is encoded separately, because a worker adopts the settings before it decodes the
     function.
@@ -247,6 +238,7 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
+    """Adopt the settings in the bytes of `_payload`, and return the function."""
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)
@@ -255,9 +247,9 @@ def _decoded(payload: bytes) -> ChunkFunction:
 
 @cache
 def _end_with_parent() -> None:
-    """End this process when its parent process dies.
+    """Let this process end when its parent process dies.
 
-    A parent that is killed can't stop its workers, which would wait forever.
+    A parent that is killed can't stop its workers, and they would wait forever.
     """
     parent = multiprocessing.parent_process()
     if parent is None:
@@ -277,28 +269,20 @@ def _call(payload: bytes, chunk: int) -> LaneArrays:
     try:
         return task(chunk)
     except Exception as error:
-        if _is_picklable(error):
-            raise
-        # An error that can't be unpickled, for example one whose constructor takes several
-        # arguments, would break the pool of processes in the parent.
-        raise RuntimeError(f"{type(error).__name__}: {error}") from error
-
-
-def _is_picklable(error: Exception) -> bool:
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return False
-    return True
-
-
-def _error(future: Future) -> BaseException | None:
-    if future.cancelled():
-        return CancelledError("the executor cancelled it; has it been shut down?")
-    return future.exception()
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            # An error that can't be unpickled, for example one whose constructor takes several
+            # arguments, would break the pool of processes in the parent.
+            raise RuntimeError(f"{type(error).__name__}: {error}") from error
+        raise
 
 
 def _fail(failed: dict[int, BaseException], done: int) -> None:
+    """Raise a `ChunkError`.
+
+    **Arguments:** `failed`: errors by number of the chunk; `done`: number of computed chunks.
+    """
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))

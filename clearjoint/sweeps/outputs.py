@@ -1,5 +1,4 @@
-"""Outputs of a sweep: quantities and states at chosen times, tables of impacts, and their
-checks."""
+"""Outputs of a sweep: quantities and states at given times, tables of impacts, and checks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,13 +26,15 @@ PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 2
 
 @dataclass(frozen=True)
 class Saved:
-    """Quantities at chosen times, computed with the solver's dense output.
+    """Quantities at given times, computed with the solver's dense output.
 
     **Arguments:**
 
     - `times`: (K,) s, rising; or a function of the lane's scene that returns K times for every
       lane, such as one time in each revolution of a crank whose speed is swept.
-    - `channels`: pair (quantity, unit as text) by name.
+    - `channels`: pairs (quantity, unit as text) by name.
+
+    **Raises:** `ValueError` for channels that are not such pairs.
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
     >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
@@ -55,20 +56,18 @@ class Saved:
         check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times at which quantities are recorded in the lane of a scene, (K,) s.
+        """Return the times at which the quantities are recorded in a lane, (K,) s.
+
+        **Arguments:** `scene`: scene of the lane.
 
         **Raises:** `ValueError` for times that are not finite or don't rise.
         """
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
         fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
-        require(
-            fine and bool((np.diff(times) > 0).all()),
-            "times",
-            times,
-            "a rising row of finite times, none of them twice",
-            "sort the times, for example by numpy.unique",
-        )
+        rises = fine and bool((np.diff(times) > 0).all())
+        expected = "a rising row of finite times, none of them twice"
+        require(rises, "times", times, expected, "sort them, for example by numpy.unique")
         return times
 
 
@@ -78,8 +77,8 @@ class ImpactTable:
 
     For each contact, labelled "joint contact", the table has the first `count` impacts: onset,
     separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
-    penetration, m. The number of recorded impacts of each contact is in the table too; a contact
-    with `count` recorded impacts may have had more.
+    penetration, m. It also has the number of recorded impacts. A contact with `count` recorded
+    impacts may have had more.
 
     Quantiles of the recorded impacts are exact:
 
@@ -129,16 +128,16 @@ class ImpactTable:
         require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
-        """Return pairs (name of the joint, label of the contact), such as ("shoulder", "V")."""
+        """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""
         laws = scene.laws()
         names = laws if self.joint is None else [self.joint]
         return [(name, label) for name in names for label in laws[name]]
 
 
 class PartOfStates(eqx.Module):
-    """Quantity that returns one part of the states of all bodies.
+    """Quantity with one part of the states of all bodies.
 
-    - `part`: "position", "orientation", "velocity" or "spin", in the SI unit of `STATE_PARTS`.
+    - `part`: "position", "orientation", "velocity" or "spin", in the unit given by `STATE_PARTS`.
     - `bodies`: names of the bodies, in the order of the rows.
     """
 
@@ -151,7 +150,10 @@ class PartOfStates(eqx.Module):
 
 
 class StatesOfLanes:
-    """The states of all bodies of a scene at times (K,) s, which are the same in all lanes."""
+    """Output with the states of all bodies of a scene at given times.
+
+    **Arguments:** `times`: (K,) s, the same in all lanes; `scene`: scene with these bodies.
+    """
 
     def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
         self.times, bodies = times, tuple(scene.bodies)
@@ -169,15 +171,15 @@ class StatesOfLanes:
 
 
 AnySaved = Saved | StatesOfLanes
-"""Outputs with `channels`, pairs (quantity, unit) by name, and times (K,) s of a scene by `at`."""
+"""Outputs at given times: `channels` are pairs (quantity, unit) by name, `at` returns the times."""
 Output = AbstractReduction | AnySaved | Section | ImpactTable
 
 
 def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
-    """Return all outputs of a sweep by name: `outputs` and those that `save` asks for.
+    """Return all outputs of a sweep by name: `outputs` and those for which `save` asks.
 
-    Sections and outputs of `save` keep their names; its times become the output `SAVED` with the
-    states of all bodies.
+    Sections and outputs of `save` keep their names. If `save` has times, there is an output `SAVED`
+    with the states of all bodies at these times.
 
     **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, and for
     a name in both `outputs` and `save`.
@@ -194,20 +196,17 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Check that a sweep supports the outputs and that the scene has the elements that they name.
+    """Check that a sweep supports the outputs, and that the scene has the elements they name.
 
-    `ledger` is `Settings.ledger`, which some reductions need.
+    **Arguments:** `outputs`: outputs by name; `scene`: scene of the sweep; `ledger`: whether the
+    energy ledger is computed (`Settings.ledger`), which some reductions need.
 
     **Raises:** `ValueError` that names the output; also for more than one `Saved`.
     """
     for name, output in outputs.items():
-        require(
-            isinstance(output, Output),
-            f"outputs[{name!r}]",
-            output,
-            "a reduction, a Saved, a Section or an ImpactTable",
-            "subclass AbstractReduction, or pass one of clearjoint's",
-        )
+        expected = "a reduction, a Saved, a Section or an ImpactTable"
+        remedy = "subclass AbstractReduction, or pass one of clearjoint's"
+        require(isinstance(output, Output), f"outputs[{name!r}]", output, expected, remedy)
         check_reductions({name: output}, scene, ledger)
         if isinstance(output, AbstractReduction):
             continue

@@ -4,42 +4,55 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, TypedDict
 
+import jax
 import numpy as np
 
+from ..dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
+from ..dynamics.constraint_report import dependent, start_rows_of_lanes
+from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
 from ..fields.checks import require, require_array_names, require_count
 from ..fields.conversion import with_arrays
+from ..math.vectors import fold_constants
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..result_codes import result_numbers
+from ..simulation.lanes.lane import Plan, impact_log
+from ..simulation.lanes.tasks import Common, Task
+from ..simulation.reductions.base import AbstractReduction
+from ..simulation.run.impact_recorder import ImpactRecorder
 from ..simulation.run.run_checks import check_numbers, check_precision
 from ..simulation.run.saving import Saving, saving_or_nothing
+from ..simulation.run.sections import Section
 from ..simulation.step import presets
+from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings, settings_or
-from .axes import Axis, Lanes, lanes_of
+from ..simulation.step.spans import check_span, checked_times
+from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .computing import compute_missing
-from .descriptions import identifying_settings, notes_for_readers
+from .descriptions import identifying_settings, notes_for_readers, variables_of
 from .executors import AbstractSubmitter
 from .layout import RESULT, Coordinate, Layout
-from .outputs import Output, check_outputs, with_saving
-from .planning import checked_starts, common_values, identity, lane_tasks, program_tracer
+from .outputs import AnySaved, ImpactTable, Output, check_outputs, with_saving
+from .store.program import identity_of, programs
 from .store.store import SweepMemory, SweepStore
-from .variables import variables_of
 from .work import Work
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 256
+"""Number of lanes in a chunk by default."""
 
 
 class SweepOptions(TypedDict, total=False):
-    """Options of `sweep` that functions which make a sweep pass on to it."""
+    """Options that functions which make a sweep pass on to `sweep`."""
 
     path: str | PathLike | None
     executor: AbstractSubmitter | None
@@ -67,8 +80,8 @@ def sweep(
 ) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
-    Each combination of values is a lane. Lanes run together, but each has its own time and step
-    size: its numbers are those of a single run and don't depend on the other lanes. A lane that
+    Each combination of values is a lane. Lanes run side by side, but each has its own time and step
+    size, so its numbers are those of a single run and don't depend on the other lanes. A lane that
     fails keeps its result code and the time it reached, and the other lanes continue.
 
     **Arguments:**
@@ -79,26 +92,27 @@ def sweep(
       the values. With `zipped`, lane i has the i-th value of every axis.
     - `outputs`: outputs to keep for each lane, by name: reductions (`Peak`, `ImpactCount`,
       `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
-      `AbstractReduction`), one `Saved`, `Section`, and `ImpactTable`:
-      ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every contact, whose peak
-      force is ``hits_peak_force``. The final state, result code, time reached, and numbers of steps
-      are always kept.
+      `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`) and at most one
+      `Saved`. For instance, ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every
+      contact, with their peak forces as ``hits_peak_force``. The final state, result code, time
+      reached, and numbers of steps are always kept.
     - `settings`: settings of the integration; by default `clearjoint.presets.default`.
     - `save`: further results of each lane, as in `simulate`: the states at given times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
       ``saved_time``, and sections, which become outputs of the same names. Sweeps can't save every
       step, and save impacts only in an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
-      store of this sweep, only missing or damaged lanes are computed: values of axes, axes and
-      outputs can be added later. A store recognises its sweep by the numbers of its lanes and by
-      the programs that JAX traces, not by source texts or names. `open_sweep(path)` reads it,
-      finished or not, and so does ``xarray.open_zarr(path)``. A process that is killed loses the
-      running lanes and, of the finished ones, at most a chunk or the last ten seconds.
-    - `executor`: a `concurrent.futures.Executor` (if of processes, spawned and not forked; a script
-      must create it below ``if __name__ == "__main__":``) or a `dask.distributed.Client` (for
-      clusters: ``pip install 'clearjoint[cluster]'``), which computes the chunks. By default
-      threads of this process share the lanes. Dask computes the chunks of a worker that dies on
-      another worker.
+      store of this sweep, only missing or damaged lanes are computed, so that values of axes, axes
+      and outputs can be added later. A store recognises its sweep by the numbers of its lanes and
+      by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
+      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      killed loses the running lanes and, of the finished ones, at most a chunk or those of the last
+      ten seconds.
+    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
+      chunks; by default threads of this process share the lanes. Processes must be spawned, not
+      forked, and a script must make them below ``if __name__ == "__main__":``. Dask serves for
+      clusters (``pip install 'clearjoint[cluster]'``); it computes the chunks of a worker that dies
+      on another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store and of the executor.
@@ -135,26 +149,30 @@ def sweep(
     check_numbers(scene, state)
     lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
     scheme = Scheme.of(settings, redundant)
-    common = common_values(lanes, scheme, outputs, start_time, settings.max_steps)
-    tasks = lane_tasks(lanes, end_time, start_time, settings, outputs)
+    common = _common_values(lanes, scheme, outputs, start_time, settings.max_steps)
+    tasks = _lane_tasks(lanes, end_time, start_time, settings, outputs)
     if path is None:
         # Results in memory need no fingerprint, so that no program is traced for them.
         trace, store = None, SweepMemory(layout)
     else:
-        trace = program_tracer(common, axes, lanes)
+        # All leaves that the axes can change are arguments of the programs, even if they are equal
+        # in all present lanes: more values on an axis must not change the digests.
+        folded = fold_constants(scene, variable_leaves(lanes, axes))
+        # Worker processes trace the programs too, to check that they have the same code.
+        trace = partial(programs, common.plan, folded, state, start_time, common.channels)
         digests = trace()
         common = replace(common, programs=tuple(digests.items()))
-        store = SweepStore.open(path, layout, identity(digests, common, lanes, tasks))
+        store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks, common.saved))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
-    # Both warnings come after the store is complete, so that they also cover lanes computed
-    # earlier.
+    # The warnings are about all lanes, also those that the store already had.
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
 
 
 def _check_axes(axes: Mapping[str, Axis]) -> None:
+    """Raise a `ValueError` unless `axes` is a dictionary of axes by name."""
     remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
     require_array_names("axes", axes, remedy)
     for name, axis in axes.items():
@@ -162,9 +180,115 @@ def _check_axes(axes: Mapping[str, Axis]) -> None:
         require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
 
 
+def checked_starts(
+    lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
+) -> tuple[Lanes, bool]:
+    """Check the constraints of each lane at the start, as `simulate` does.
+
+    **Arguments:** `start_time`: s; `coordinates`: coordinates that the solver uses.
+
+    **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
+    are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
+
+    **Raises:** `ValueError` if the mechanism has no degree of freedom.
+    """
+    require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
+    bad, redundant = dict(lanes.bad), False
+    known: dict[bytes, np.ndarray] = {}
+    # The runs of lanes that violate their constraints end with the result code not_assembled.
+    residuals = np.concatenate([rows.values, rows.rates], axis=1)
+    for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
+        if lane in bad:
+            continue
+        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], known)
+        try:
+            require_certain(uncertain)
+            redundant = redundant or bool(dependent_rows)
+        except ValueError as error:
+            bad[lane] = str(error)
+    return replace(lanes, bad=dict(sorted(bad.items()))), redundant
+
+
+def _common_values(
+    lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
+) -> Common:
+    """Return the data that all lanes share: the constant scene, settings of the run, and outputs.
+
+    **Arguments:** `scheme`: method of the integration; `outputs`: outputs by name; `start_time`: s;
+    `max_steps`: largest number of steps of a lane.
+
+    **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
+    """
+    saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
+    sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
+    recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
+    tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
+    if recorded or tables:
+        require_dense(scheme.method.solver)
+    plan = Plan(
+        scheme,
+        {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)},
+        {name: section.state_recorder for name, section in sections.items()},
+        bool(saved),
+        np.asarray(max_steps),
+        {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
+    )
+    logs = {
+        name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
+        for name, table in tables.items()
+    }
+    channels = {
+        name: {key: quantity for key, (quantity, _) in output.channels.items()}
+        for name, output in recorded.items()
+    }
+    capacity = {name: section.count for name, section in sections.items()}
+    capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    # Numbers that lanes share may be folded into the program; varied ones must stay arguments.
+    folded_scene = fold_constants(lanes.scene, lanes.varied)
+    start = np.asarray(start_time, dtype=float)
+    return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
+
+
+def _lane_tasks(
+    lanes: Lanes,
+    end_time: float | Callable[[Scene], float],
+    start_time: float,
+    settings: Settings,
+    outputs: Mapping[str, Output],
+) -> Task:
+    """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
+
+    **Arguments:** `end_time`: s, a number or a function of the lane's scene; `start_time`: s;
+    `settings`: settings of the integration; `outputs`: outputs by name.
+
+    **Raises:** `ValueError` for ends that are not finite or not after the start, for times to save
+    at that are outside of the run, and for different numbers of these times.
+    """
+    saved = next((output for output in outputs.values() if isinstance(output, AnySaved)), None)
+    count = len(jax.tree.leaves(lanes.states)[0])
+    # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
+    scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
+    given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
+    ends = np.asarray(given, dtype=float)
+    wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
+    expected = f"finite and after start_time = {start_time}"
+    require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")
+    check_span(start_time, float(ends.min()))
+    first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
+    times = None
+    if saved is not None:
+        rows = [saved.at(scene) for scene in scenes]
+        counts = sorted({len(row) for row in rows})
+        expected = "equally many in all lanes"
+        require(len(counts) == 1, "times", counts, expected, "repeat the last one")
+        spans = zip(rows, ends, strict=True)
+        times = np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
+    return Task(lanes.scenes, lanes.states, ends, first_steps, times)
+
+
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn how many lanes failed, for each result code, with the first message about invalid
-    values."""
+    """Warn of the number of failed lanes by result code, with the first error message."""
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]
@@ -179,6 +303,7 @@ def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
 
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
+    """Warn of lanes at whose end a journal has slid out of its bearing."""
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
     bodies = {

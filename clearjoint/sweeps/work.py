@@ -1,4 +1,4 @@
-"""Execution of the lanes of a sweep, and conversion of their results to arrays."""
+"""Running the lanes of a sweep, and conversion of their results to arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from ..simulation.results.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"
-"""Suffix of the name of an impact table's dimension of contacts."""
+"""End of the name of an impact table's dimension of contacts; see `variable_name`."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """All lanes of a sweep, and the method that runs some of them.
+    """All lanes of a sweep, in the form in which they can be run.
 
-    - `common`: data shared by the lanes.
-    - `tasks`: data of each lane, NumPy arrays (lanes, ...).
+    - `common`: data that the lanes share.
+    - `tasks`: data of each lane, in NumPy arrays (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters; they are not run.
     - `variables`: the results of a lane, by name.
@@ -43,22 +43,22 @@ class Work:
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
-        """Run lanes, and pass their results on as soon as they end.
+        """Run lanes, and pass on their results as soon as they end.
 
         **Arguments:**
 
         - `lanes`: numbers of the lanes to run.
-        - `on_ended`: function of the numbers (n,) of lanes that have ended and their results,
-          arrays (n, ...) by variable.
+        - `on_ended`: function that is called with the numbers (n,) of lanes that have ended, and
+          their results, arrays (n, ...) by variable.
         - `threads`: number of threads that share the lanes; by default as configured.
-        - `on_progress`: function that is called with the state of the running lanes.
+        - `on_progress`: function that is called several times a second with the progress of the
+          running lanes.
+
+        **Returns:** the batch of lanes.
         """
         bad = np.array([lane for lane in lanes if lane in self.bad], int)
         if bad.size:
-            results = {
-                name: np.full((len(bad), *v.shape), v.fill, v.dtype)
-                for name, v in self.variables.items()
-            }
+            results = {name: v.pending(len(bad)) for name, v in self.variables.items()}
             results[RESULT] = np.full(len(bad), result_number(RESULTS.bad_parameters), np.int8)
             results["time_reached"] = np.full(len(bad), float(self.common.start_time))
             on_ended(bad, results)
@@ -71,6 +71,7 @@ class Work:
         return batch
 
     def _results(self, ended: Ended) -> LaneArrays:
+        """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
@@ -86,7 +87,7 @@ class Work:
                 results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
-        # A result that doesn't depend on the lanes' numbers has no lane dimension.
+        # A result that is the same in all lanes may have no dimension for them.
         return {
             name: np.broadcast_to(
                 np.asarray(results[name], variable.dtype), (len(ended.lanes), *variable.shape)
@@ -95,12 +96,11 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded columns of each output by name, with the number of rows as
-        "count"."""
+        """Return the recorded columns of each output, and the number of their rows as "count"."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
-        # Each contact of an impact table has a log: these are stacked to one table.
+        # Each contact of an impact table has a log of its own; they are stacked to one table.
         tabled = {log for contacts in self.common.tables.values() for log in contacts}
         others = {name: log for name, log in logs.items() if name not in tabled}
         tables = {
@@ -115,13 +115,12 @@ class Work:
 
 @dataclass(frozen=True)
 class Chunks:
-    """Function that computes a chunk of a sweep, for worker processes.
+    """Function that computes a chunk of a sweep, also in a worker process.
 
     - `work`: all lanes of the sweep.
     - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: function that returns digests of the programs that the calling process would run. If
-      they differ from those of `work`, the process has other code than the process that made the
-      sweep. ``None`` for no check.
+    - `trace`: function that returns digests of the programs that the calling process would run,
+      which must equal those of `work`; ``None`` for no check.
     """
 
     work: Work
@@ -129,19 +128,21 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """Return the results of a chunk's lanes, arrays (lanes of the chunk, ...) by variable.
+        """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable.
 
-        **Raises:** `RuntimeError` in a process that would run other code.
+        **Raises:** `RuntimeError` in a process that would run other code than the one that made the
+        sweep.
         """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
-        # Lanes end in any order: sort their results into the order of the chunk.
+        # Lanes end in any order; here their results are sorted into the order of the chunk.
         lanes, results = concatenated(parts)
         order = np.argsort(lanes)[np.searchsorted(np.sort(lanes), self.lanes[chunk])]
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
+        """Raise a `RuntimeError` if this process would run other programs than those of `work`."""
         expected = self.work.common.programs
         if self.trace is None or expected in _confirmed_programs:
             return
@@ -154,18 +155,18 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of programs that this process has traced: tracing once per process is enough."""
+"""Digests of programs that this process has traced. Each process traces them once only."""
 
 
 def variable_name(output: str, key: str) -> str:
-    """Return the name of a result in the dataset: "output_key", or "output" for an empty key."""
+    """Return the name of a result of an output, "output_key", or "output" for an empty key."""
     return f"{output}_{key}" if key else output
 
 
 def concatenated(
     parts: Sequence[tuple[np.ndarray, LaneArrays]],
 ) -> tuple[np.ndarray, LaneArrays]:
-    """Return the lanes' numbers and their results, by variable, of several parts as one part."""
+    """Join several parts, each with the numbers of its lanes and their results, to one part."""
     results = {
         name: np.concatenate([results[name] for _, results in parts]) for name in parts[0][1]
     }

@@ -2,8 +2,7 @@
 
 import gc
 
-from ..native.functions import NativeProgram
-from ..native.lanes import LaneLoop
+from ..native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
@@ -15,6 +14,6 @@ def native_seconds() -> dict[str, float]:
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'tracing', 'writing']
     """
-    programs = [each for each in gc.get_objects() if isinstance(each, NativeProgram | LaneLoop)]
+    programs = [each for each in gc.get_objects() if isinstance(each, Code)]
     stages = ("tracing", "lowering", "writing", "compiling")
     return {stage: sum(program.seconds[stage] for program in programs) for stage in stages}

@@ -8,9 +8,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.information import descent_paths as ways
 from clearjoint.information import error_growth as growth
-from clearjoint.information.horizon import PATH_POINTS
+from clearjoint.information.horizon import PATH_POINTS, blocked_records, offsets
 from clearjoint.quantities import JournalOffset
 from tests.support.dropped_rod import dropped_rod
 
@@ -118,7 +117,7 @@ def test_ways_of_an_oscillation():
         return np.cumsum((1e3 * (np.sin(w * times) - np.sin(true * times))) ** 2)
 
     w = true + off
-    here = ways.blocked(
+    here = blocked_records(
         {"x": 1e3 * np.sin(true * times)},
         {"x": 1e3 * np.sin(w * times)},
         {"x": 1e3 * off * times * np.cos(w * times)},
@@ -134,16 +133,16 @@ def test_ways_of_an_oscillation():
 def test_a_run_that_fails_closes_the_way():
     times = np.linspace(0.1, 1.0, 10)
     short = {"x": 1.1 * times[:4]}
-    closed = ways.blocked({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
+    closed = blocked_records({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
     assert closed.tolist() == [False] * 4 + [True] * 6
 
 
 def test_guesses_of_several_parameters():
     """Each alone both ways, and all corners of up to three."""
-    two = np.array(list(ways.offsets(np.array([1.0, 2.0]))))
+    two = np.array(list(offsets(np.array([1.0, 2.0]))))
     assert two.tolist() == [[1, 0], [-1, 0], [0, 2], [0, -2], [1, 2], [1, -2], [-1, 2], [-1, -2]]
-    assert len(list(ways.offsets(np.ones(1)))) == 2
-    assert len(list(ways.offsets(np.ones(5)))) == 10 + 8
+    assert len(list(offsets(np.ones(1)))) == 2
+    assert len(list(offsets(np.ones(5)))) == 10 + 8
 
 
 def test_a_short_run_is_within_all_horizons(found):

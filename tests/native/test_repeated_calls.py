@@ -7,7 +7,8 @@ import pytest
 from jax import lax
 
 from clearjoint.native import lowering
-from clearjoint.native.functions import NativeProgram, cells_of
+from clearjoint.native.cells import Cells
+from clearjoint.native.functions import NativeProgram
 from clearjoint.native.lanes import WIDTH, LaneLoop
 
 RNG = np.random.default_rng(5)
@@ -70,7 +71,7 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
         monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
         made = program(function, *arguments, tangents=tangents)
         found[size] = made(arguments)
-        assert ('call void @"f' in made.text) == (size == 1)
+        assert ('call void @"f' in made.code.text) == (size == 1)
     for one, other in zip(found[1], found[10**9], strict=True):
         np.testing.assert_array_equal(one, other)
     expected = jax.tree.leaves(jax.jit(function)(*arguments))
@@ -80,7 +81,7 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
 
 def test_invariants_of_all_calls_are_computed_once(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
-    text = program(run, *START).text
+    text = program(run, *START).code.text
     assert text.count('call void @"f') == 4 + 3  # Calls of `rates`, and in it of `inner`.
     functions, outside = text.split('define i64 @"program"')
     assert outside.count('call double @"llvm.sqrt') == 1
@@ -98,16 +99,18 @@ def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
 
     own, state = START[0], (jnp.asarray(0), *START[1:])
     loop = LaneLoop(turn, status, (), own, state)
-    assert ('call void @"f' in loop.text) == (way == "functions")
+    assert ('call void @"f' in loop.code.text) == (way == "functions")
     stiffness = 1.0 + RNG.random(WIDTH)
 
     def ends(lanes):
         columns = loop.columns(())
         for lane in lanes:
             given = np.asarray(stiffness[lane])
-            loop.write_lane(
-                columns, lane, cells_of([given]), cells_of(list(map(np.asarray, state)))
+            trees = jax.tree.map(lambda leaf: np.asarray(leaf)[None], (given, state))
+            numbers = (
+                Cells(one).rows(tree)[0] for one, tree in zip((own, state), trees, strict=True)
             )
+            loop.write_lane(columns, lane, *numbers)
         assert loop.run(columns) == 20
         return {lane: columns.floats[loop.state_cells, lane].copy() for lane in lanes}
 

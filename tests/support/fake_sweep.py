@@ -5,16 +5,15 @@ from pathlib import Path
 import numpy as np
 
 from clearjoint.sweeps.layout import Coordinate, Layout, Variable
-from clearjoint.sweeps.store.identity import Identity, row_digests
-from clearjoint.sweeps.store.program import RUN
+from clearjoint.sweeps.store.program import RUN, Identity, row_digests
 from clearjoint.sweeps.store.store import SweepMemory, SweepStore
 
 COMPONENTS = ("x", "y", "z")
 RESULT = Variable(
     dtype="int8",
-    attrs={"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"},
+    attrs={"flag_values": [-1, 0, 1], "flag_meanings": "pending successful max_steps_reached"},
 )
-SETTINGS = {"rtol": 1e-6, "end_time": 0.5, "solver": "Tsit5", "impacts": True}
+SETTINGS = {"rtol": "1e-06", "end_time": "0.5", "solver": "Tsit5", "impacts": "True"}
 
 
 def layout(times: int = 5, **changes) -> Layout:

@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.sweeps.axes import lanes_of
-from clearjoint.sweeps.planning import checked_starts
+from clearjoint.sweeps.sweep import checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])

@@ -19,14 +19,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...compilation.clock import begins_a_program, program_is_made_inside
+from ...compilation.tracing import begins_a_program, program_is_made_inside
 from ...math.vectors import pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
-from ...native.disk_cache import load_or_make
 from ...native.functions import BoundFunction
 from ...native.lanes import LaneLoop
+from ...native.machine_code import load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
 from ..run.interruptions import interruptions_deferred
@@ -162,40 +162,32 @@ class _Programs:
     """
 
     def __init__(self, batch: Batch, native: bool):
-        common, tasks = batch.common, batch.tasks
-        bare = replace(tasks, save_at=None)
-        task = jax.tree.map(lambda leaf: np.asarray(leaf[0]), bare)
+        # The first lane is an example of the structure, shapes and dtypes of all lanes.
+        common, bare = batch.common, replace(batch.tasks, save_at=None)
+        requests = self._first_requests(batch)
+        task, request = (
+            jax.tree.map(lambda leaf: np.asarray(leaf[0]), tree) for tree in (bare, requests)
+        )
         if native:
             lane = _begun(common, task)
+            self.loop = _LOOPS.loop(common, (task, request), lane)
         else:
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-        request = self._first_requests(batch)
-        own = task, jax.tree.map(lambda leaf: np.asarray(leaf[0]), request)
-        self.loop = (
-            _LOOPS.loop(common, own, lane)
-            if native
-            else XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
-        )
-        cells = Cells(own)
-        self.own = cells.rows((bare, request))
-        self.task_cells = Cells(task).size
-        start = self.loop.own_cells.start
-        self.request: SegmentRequest = jax.tree.map(lambda cell: cell + start, cells.columns()[1])
-        columns = jax.tree.map(
-            lambda cell: cell + self.loop.state_cells.start if eqx.is_array(cell) else cell,
-            Cells(lane).columns(),
-        )
-        self.buffers = {
-            name: (
-                np.concatenate(
-                    [t.reshape(len(t), -1) for t in jax.tree.leaves(buffer.rows)], axis=1
-                )[:-1],
-                int(buffer.count),
-            )
-            for name, buffer in common.logs(columns).items()
-        }
-        # The last row of a buffer takes rows for which there is no room, and is never read.
+            own = task, request
+            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
 
+        # Cells of the data and the state of a lane.
+        cells = Cells((task, request))
+        self.own, self.task_cells = cells.rows((bare, requests)), Cells(task).size
+        self.request: SegmentRequest = _shifted(cells.columns()[1], self.loop.own_cells.start)
+        state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
+        self.buffers: dict[str, tuple[np.ndarray, int]] = {}
+        for name, buffer in common.logs(state).items():
+            rows = [leaf.reshape(len(leaf), -1) for leaf in jax.tree.leaves(buffer.rows)]
+            # The last row of a buffer takes rows for which there is no room, and is never read.
+            self.buffers[name] = np.concatenate(rows, axis=1)[:-1], int(buffer.count)
+
+        # Functions from the cells of lanes to those of results.
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
             if native:
                 return partial(BoundFunction, function.native, shared, *examples)
@@ -207,9 +199,9 @@ class _Programs:
         self.blocks: dict[str, tuple[int, int]] = {}
         for name, length in batch.lengths.items():
             self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
-            buffer, rows = common.logs(lane)[name], np.zeros(self.blocks[name])
-            row = jax.tree.map(lambda leaf: leaf[0], buffer.rows)
-            self.columns[name] = bound(_columns, (common, name, row), task, rows)
+            record = jax.tree.map(lambda leaf: leaf[0], common.logs(lane)[name].rows)
+            block = np.zeros(self.blocks[name])
+            self.columns[name] = bound(_columns, (common, name, record), task, block)
         self.outcome_cells = self.outcome().results
         self.column_cells = {name: make().results for name, make in self.columns.items()}
 
@@ -224,6 +216,11 @@ class _Programs:
             window[:, : first.shape[1]] = first
         wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
         return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
+
+
+def _shifted(cells: PyTree, by: int) -> PyTree:
+    """Return a PyTree of indices of cells with `by` added to each index."""
+    return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
 @dataclass
@@ -365,17 +362,17 @@ class _Group:
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
         """Read and empty the buffers of a lane, and update its request for the next rows."""
-        floats, whole = self._columns.floats, self._columns.whole
+        floats, integers = self._columns.floats, self._columns.integers
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
-            if count := whole[counter, column]:
+            if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
-                whole[counter, column], taken = 0, True
+                integers[counter, column], taken = 0, True
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
             for name, cell in request.wanted.items():
-                whole[int(cell), column] = common.capacity[name] - slot.recorded(name)
+                integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
         """Return the next `WINDOW` times to save at, s, filled up with infinity."""

@@ -17,9 +17,8 @@ from jaxtyping import PyTree
 
 from ...compilation import Compiled
 from ...compilation.xla import in_one_function
-from ...native.cells import Cells
-from ...native.lanes import AbstractLaneLoop, Columns
-from ...native.lowering import Region
+from ...native.cells import Cells, Memory, Region
+from ...native.lanes import AbstractLaneLoop
 
 ON_CPU, ON_ACCELERATOR = 64, 4096
 """Number of lanes that one program computes side by side."""
@@ -65,12 +64,12 @@ class XlaLaneLoop(AbstractLaneLoop):
             for k, (name, form) in enumerate(shown.items())
         }
 
-    def columns(self, shared: PyTree) -> Columns:
+    def columns(self, shared: PyTree) -> Memory:
         """Return memory for the data of a group of lanes, in which all columns are empty."""
         del shared  # which is the same in all calls
-        return Columns(self.occupied + 1 + len(self.status), self.width)
+        return Memory(self.occupied + 1 + len(self.status), self.width)
 
-    def run(self, columns: Columns) -> int:
+    def run(self, columns: Memory) -> int:
         """Take turns until some lanes wait for Python, at most `TURNS`, and return their number.
 
         **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
@@ -78,7 +77,7 @@ class XlaLaneLoop(AbstractLaneLoop):
         """
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
-        occupied = columns.whole[self.occupied] > 0
+        occupied = columns.integers[self.occupied] > 0
         arguments = self._functions, self._shared, own, state, occupied
         turns = self._turns  # Read once, as threads share the loop.
         try:

@@ -1,1 +1,1 @@
-"""Stores of sweep results on disk, and the digests by which a store recognises its sweep."""
+"""Stores of a sweep's results on disk, and the digests by which a store recognises its sweep."""

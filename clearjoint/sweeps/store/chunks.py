@@ -1,7 +1,7 @@
-"""Files of a Zarr array, one for each chunk of lanes, with checksums.
+"""Files of Zarr arrays, one for each chunk of lanes, with checksums.
 
-A damaged file is reported and doesn't affect the others. Each file ends with a checksum of its
-content and of its path in the store, so that exchanged files are detected too.
+A file ends with a checksum of its content and of its path in the store. So damaged files and files
+that were exchanged are detected, and don't affect the others.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from zarr.storage import LocalStore
 
 MISSING, DAMAGED = "missing", "damaged"
+"""Faults of the file of a chunk."""
 _LOCK = ".lock"
+"""File in a store's folder by which processes lock the folder."""
 
 
 def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
@@ -34,10 +36,10 @@ def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
 
 @cache
 def checked_files() -> "type[LocalStore]":
-    """Return the class of Zarr stores whose chunks have checksums.
+    """Return a class of Zarr's stores whose chunks have checksums.
 
     Its `get` raises `ValueError` for a chunk that is damaged or belongs to another path. The class
-    is made here, because importing zarr at the start takes long.
+    is made when it is first needed, because importing zarr takes long.
     """
     from zarr.core.buffer import default_buffer_prototype
     from zarr.storage import LocalStore
@@ -76,10 +78,10 @@ def _is_metadata(key: str) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes while the context is open.
+    """Lock a folder against other processes within the context.
 
-    The lock of a process that dies is released. Where the system or the folder has no locks,
-    processes don't wait for each other.
+    The lock of a process that dies is released. If the system has no locks, or the folder can't be
+    written to, processes don't wait for each other.
     """
     try:
         import fcntl
@@ -95,10 +97,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open the array `name` of a group."""
+    """Open the array with the given name in a group."""
     import zarr
 
-    # Zarr omits chunks of fill values by default: a lost file would look like one of these chunks.
+    # By default Zarr writes no file for a chunk of fill values, so a lost file would look like one.
     with zarr.config.set({"array.write_empty_chunks": True}):
         array = group[name]
     assert isinstance(array, zarr.Array)
@@ -115,10 +117,12 @@ def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of the group in the folder `path`.
+    """Read an array of a group.
 
-    **Returns:** the values, and by number of the chunk `MISSING` or `DAMAGED` for each faulty file.
-    The values of these chunks are the fill value.
+    **Arguments:** `path`: folder of the group.
+
+    **Returns:** the values, and for each faulty file the fault, `MISSING` or `DAMAGED`, by number
+    of its chunk. The values of these chunks are the fill value.
     """
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}

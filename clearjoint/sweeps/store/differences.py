@@ -5,12 +5,13 @@ from os.path import commonprefix
 
 import numpy as np
 
-from ..layout import Layout, Note, Variable
+from ..layout import Layout, Variable
 from .metadata import Contents
 from .program import RUN
 
 _SHOWN = 60
-Part = Note | np.ndarray
+"""Number of characters of a text that a message shows."""
+Part = str | int | np.ndarray
 """Part of a layout in which two sweeps may differ: a setting, or an array of labels."""
 
 
@@ -31,9 +32,9 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
         *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
         *_lost(stored.layout, wanted.layout, kept),
     ]
-    # Settings are part of the program of the run: if a setting differs, the program differs too,
+    # Settings are part of the program of the run. If a setting differs, the program differs too,
     # and a second line about it would mislead.
-    lines += _programs(stored, wanted, only_outputs=bool(lines))
+    lines += _programs(stored, wanted, without_run=bool(lines))
     lines += _save_times(stored, wanted, kept)
     notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
     old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
@@ -42,35 +43,65 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
 
 def _settings(layout: Layout) -> dict[str, Part]:
     """Return the settings of a sweep by the names that messages show."""
-    settings: dict[str, Part] = {
-        f"setting {name}": value for name, value in layout.settings.items()
-    }
+    settings: dict[str, Part] = {f"setting {name}": text for name, text in layout.settings.items()}
     return {"lanes in a chunk": layout.chunk, **settings}
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
     """Return the parts of a stored layout that another layout must have, by name."""
-    units = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
-    labels: dict[str, Part] = {f"coordinate {c.name}": c.values for c in layout.coordinates}
-    labels |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
-    variables = {f"variable {name}": _outline(v) for name, v in layout.variables.items()}
-    return {**units, **labels, **variables}
+    parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
+    parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
+    parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
+    return parts | {f"variable {name}": _outline(v) for name, v in layout.variables.items()}
+
+
+def _outline(variable: Variable) -> str:
+    """Return the dtype, dimensions and attributes of a variable as text."""
+    sizes = zip(variable.dims, variable.shape, strict=True)
+    shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
+    attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
+    return f"{np.dtype(variable.dtype)} ({shape}), {attrs}"
 
 
 def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
     """Yield a line for each part that differs or that only one of the two sweeps has."""
     for name in {**stored, **wanted}:
-        one, other = stored.get(name), wanted.get(name)
-        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-            same = np.array_equal(one, other)
-        else:
-            same = type(one) is type(other) and one == other
-        if not same:
-            yield f"{name}: {_difference(one, other)}"
+        in_both = name in stored and name in wanted
+        if not (in_both and np.array_equal(stored[name], wanted[name])):
+            yield f"{name}: {_difference(stored.get(name), wanted.get(name))}"
+
+
+def _difference(stored: Part | None, wanted: Part | None) -> str:
+    """Return the end of a line: how the stored part differs from the wanted one."""
+    if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
+        if stored.size != wanted.size:
+            return f"stored {stored.size} values, now {wanted.size}"
+        differ = np.flatnonzero(stored != wanted)
+        first = differ[0]
+        return (
+            f"{differ.size} of {stored.size} values differ, first number {first}: "
+            f"stored {_shown(stored[first])}, now {_shown(wanted[first])}"
+        )
+    start = 0
+    if isinstance(stored, str) and isinstance(wanted, str):
+        # Without the beginning, if the first difference would not be shown otherwise.
+        same = len(commonprefix((stored, wanted)))
+        start = max(same - _SHOWN // 4, 0) if same >= _SHOWN // 2 else 0
+    return f"stored {_shown(stored, start)}, now {_shown(wanted, start)}"
+
+
+def _shown(value: object, start: int = 0) -> str:
+    """Return a value as text from the character `start` on, of at most `_SHOWN` characters."""
+    if value is None:
+        return "nothing"
+    text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
+    rest = text[start:]
+    head, tail = "…" if start else "", "…" if len(rest) > _SHOWN else ""
+    return f"{head}{rest[:_SHOWN]}{tail}"
 
 
 def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for stored values of axes and stored lanes that the wanted sweep lacks."""
+    """Yield a line for stored values of axes, and for stored lanes, that the wanted sweep lacks."""
     values = {axis.name: axis.values for axis in wanted.axes}
     for name, old, _ in stored.axes:
         gone = old[~np.isin(old, values.get(name, old))]
@@ -88,16 +119,14 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
         )
 
 
-def _programs(stored: Contents, wanted: Contents, only_outputs: bool) -> Iterator[str]:
-    """Yield a line for each stored program whose digest differs in the wanted sweep.
+def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
+    """Yield a line for each program of both sweeps whose digests differ.
 
-    **Arguments:** `only_outputs`: whether to compare only the programs of outputs, and not the
-    program of the run.
+    **Arguments:** `without_run`: whether to leave out the program of the run.
     """
-    # A program that only the stored sweep has is no difference in code: it is compared with itself.
-    old, new = stored.identity.programs, wanted.identity.programs
-    for name, program in old.items():
-        if program != new.get(name, program) and not (only_outputs and name == RUN):
+    new = wanted.identity.programs
+    for name, program in stored.identity.programs.items():
+        if program != new.get(name, program) and not (without_run and name == RUN):
             subject = f"variable {name}" if name else "program of a step"
             yield f"{subject}: the code that JAX traces differs from the stored one"
 
@@ -112,43 +141,3 @@ def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterato
         others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
         if others:
             yield f"times of {name}: they differ in {others} of {kept.size} stored lanes"
-
-
-def _outline(variable: Variable) -> str:
-    """Return the dtype, dimensions and attributes of a variable as text."""
-    sizes = zip(variable.dims, variable.shape, strict=True)
-    shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
-    attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
-    return f"{np.dtype(variable.dtype)} ({shape}), {attrs}"
-
-
-def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """Return the end of a line: how the stored part differs from the wanted one."""
-    if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
-        if stored.size != wanted.size:
-            return f"stored {stored.size} values, now {wanted.size}"
-        differ = np.flatnonzero(stored != wanted)
-        first = differ[0]
-        return (
-            f"{differ.size} of {stored.size} values differ, first number {first}: "
-            f"stored {_shown(stored[first])}, now {_shown(wanted[first])}"
-        )
-    if isinstance(stored, str) and isinstance(wanted, str):
-        same = len(commonprefix((stored, wanted)))
-        stored, wanted = _from(stored, same), _from(wanted, same)
-    return f"stored {_shown(stored)}, now {_shown(wanted)}"
-
-
-def _from(text: str, start: int) -> str:
-    """Return the text without its beginning if the character at `start` would not be shown
-    otherwise."""
-    return text if start < _SHOWN // 2 else f"…{text[start - _SHOWN // 4 :]}"
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, np.ndarray):
-        return f"{value.size} values"
-    text = value if isinstance(value, str) else str(value)
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"

@@ -1,11 +1,11 @@
 """Fingerprint of a function: a digest of the program that JAX traces from the function.
 
 The digest of a value combines the operation that computes the value, the operation's parameters and
-the digests of its operands; a constant is identified by its value, an argument by its name. The
-digest of a result therefore doesn't depend on names of variables and functions, on the order of
-independent operations, on unused operations, on `jax.jit` around parts, or on the process. The
-digest includes every contribution of globals, helpers, base classes and properties, because all of
-them appear in the traced program.
+the digests of its operands. The digest of a constant is that of its numbers, and the digest of an
+argument that of its name and type. The digest of a result therefore doesn't depend on names of
+variables and functions, on the order of independent operations, on unused operations, on `jax.jit`
+around parts of the function, or on the process. All that globals, helpers, base classes and
+properties contribute is part of it, because it appears in the traced program.
 """
 
 import dataclasses
@@ -21,30 +21,22 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
 from jaxtyping import PyTree
 
-from ...compilation import program_of
+from ...compilation.tracing import CALLS, program_of
 from ...fields.types import ArrayLike
 
 DIGITS = 16
-_WRAPPERS = {
-    "jit": "jaxpr",
-    "closed_call": "call_jaxpr",
-    "eval_jaxpr": "call_jaxpr",
-    "checkpoint": "jaxpr",
-    "remat2": "jaxpr",
-    "custom_jvp_call": "call_jaxpr",
-    "custom_vjp_call": "call_jaxpr",
-}
-"""Operations that only call an inner program, each with the name of its parameter that holds this
-program."""
+"""Number of characters of a digest."""
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
+"""Operations that only print, and that are left out."""
 
 
 class Fingerprints(NamedTuple):
     """Digests and shapes of the entries of the dictionary that a function returns, by key.
 
-    `shapes` has PyTrees of `jax.ShapeDtypeStruct`.
+    - `digests`: digest of each entry.
+    - `shapes`: each entry with `jax.ShapeDtypeStruct` in place of its arrays.
     """
 
     digests: dict[str, str]
@@ -52,9 +44,9 @@ class Fingerprints(NamedTuple):
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Compute the digest of each entry of the dictionary that a function returns.
+    """Return the digest of each entry of the dictionary that a function returns.
 
-    Digests depend on structure, shapes and types of the arguments, but not on their values.
+    Digests depend on structure, shapes and types of the arguments, but not on their numbers.
 
     **Arguments:** `function`: function of PyTrees that JAX can trace; `arguments`: example
     arguments.
@@ -77,7 +69,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Compute the digests of a program's results, in their order.
+    """Return the digests of a program's results.
 
     **Arguments:** `constants`, `inputs`: digests of the program's constants and inputs.
     """
@@ -92,10 +84,10 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
     for line in jaxpr.eqns:
         operands = [of(atom) for atom in line.invars]
         name = line.primitive.name
-        if name in _WRAPPERS:
-            # A wrapper counts as its inner program: a jitted helper computes the same numbers as
-            # one that is not.
-            results = _inner(line.params[_WRAPPERS[name]], operands)
+        if name in CALLS:
+            # A call counts as the program that it calls: a jitted helper computes the same numbers
+            # as one that is not jitted.
+            results = _inner(line.params[CALLS[name]], operands)
         elif name in _WITHOUT_RESULT:
             results = []
         elif "callback" in line.params:
@@ -108,17 +100,19 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
 
 
 def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
+    """Return the digests of the results of a program that is a parameter of an operation."""
     if isinstance(program, ClosedJaxpr):
         return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
     return _results(program, _numbered("constant", program.constvars), inputs)
 
 
 def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
+    """Return digests of variables that are known only by their position and type."""
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
 def _setting(operation: str, value: object) -> str:
-    """Compute the digest of one parameter of an operation, whose name is for error messages."""
+    """Return the digest of a parameter of an operation, whose name is used in error messages."""
     # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
@@ -170,7 +164,7 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 def digest(*parts: str | bytes) -> str:
-    """Compute the digest of a sequence of texts or bytes, as a text of `DIGITS` characters."""
+    """Return the digest of a sequence of texts or bytes, as a text of `DIGITS` characters."""
     state = hashlib.blake2b(digest_size=DIGITS // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

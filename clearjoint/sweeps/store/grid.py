@@ -1,8 +1,8 @@
-"""Copy of a store's results along the axes (the grid), for programs that read Zarr.
+"""Grid of a store: a copy of the results along the axes, for programs that read Zarr.
 
-The folder `BY_LANE` of a store has the results by lane: lanes can be written one by one, and more
-lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`. The
-grid is written when a store is made, about once a minute during the sweep, and when the sweep ends.
+The folder `BY_LANE` of a store has the results by lane, so that lanes can be written one by one and
+more lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`.
+It is written when a store is made, about once a minute during the sweep, and when the sweep ends.
 Since the grid is only a copy, no result is lost if writing it fails.
 """
 
@@ -24,19 +24,18 @@ ROOT = "zarr.json"
 
 
 def unfinished(path: Path) -> Path:
-    """Return a new path, beside the path of a store, for a store that is not yet complete."""
+    """Return a new path beside that of a store, for a store that is not yet complete."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
 
 
 def write_grid(path: Path, results: "xr.Dataset") -> None:
-    """Write results to the store at a path as its grid, in place of an earlier grid.
+    """Write results as the grid of the store at a path, in place of an earlier grid.
 
     If the arrays differ in names, shapes or attributes from those of the earlier grid, a program
     that opens the grid in the meantime finds none. Otherwise files are replaced one by one, with
-    the result codes last: a lane whose code says that it is done has all its numbers.
+    the result codes last, so that a lane whose code says that it is done has all its numbers.
 
-    **Arguments:** `path`: folder of the store; `results`: one array for each variable, along the
-    axes of the sweep.
+    **Arguments:** `path`: folder of the store; `results`: results along the axes of the sweep.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -64,7 +63,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
         if not old_root.exists() or root.read_bytes() != old_root.read_bytes():
             remove_grid(path)
         files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
-        # In this order `False` is before `True`: other arrays, result codes, `ROOT`.
+        # The key is smallest for other arrays, since `False` is less than `True`, then for result
+        # codes, and largest for `ROOT`.
         for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
             (path / file).parent.mkdir(parents=True, exist_ok=True)
             (new / file).replace(path / file)
@@ -81,8 +81,7 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid in the store at a path has the variables and result codes of
-    `results`."""
+    """Return whether the grid at a path has the same variables and result codes as `results`."""
     import xarray as xr
 
     try:

@@ -1,6 +1,6 @@
 """Metadata and labels of a sweep's Zarr store, which are written before any result.
 
-A row is the position of a lane in the store's arrays. Its number may differ from that of the lane,
+In the store's arrays each lane has a row. The number of the row may differ from that of the lane,
 because lanes that are added later get rows at the end.
 """
 
@@ -21,31 +21,18 @@ from ..layout import BY_LANE, LANE, Coordinate, Layout, Variable, dataset
 from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .fingerprint import digest
 from .grid import ROOT, remove_grid, unfinished, write_grid
-from .identity import Identity
+from .program import Identity
 
 if TYPE_CHECKING:
-    import xarray as xr
     import zarr
 
+_OWN = "sweep_"
+"""Beginning of the names of the store's attributes that are not settings or notes of the sweep."""
 _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
 """Name of the attribute with a digest of all metadata."""
 ADDED = "sweep_added"
 """Name of the attribute that lists the variables added when some lanes were already done."""
-_OWN = (
-    "sweep_axes",
-    "sweep_shape",
-    "sweep_zipped",
-    "sweep_chunk",
-    "sweep_coordinates",
-    "sweep_notes",
-    "sweep_programs",
-    "sweep_digests",
-    "sweep_order",
-    ADDED,
-    _FORMAT,
-)
-"""Names of the store's attributes that are not settings of the sweep."""
 ABANDONED_AFTER = 3600.0
 """Age, s, above which an incomplete store is removed. Writing one takes about a second."""
 
@@ -54,8 +41,7 @@ class Contents(NamedTuple):
     """Contents of a store without the results.
 
     - `layout`, `identity`: layout and identity of the sweep.
-    - `order`: (lanes,) number of the sweep's lane in each row of the store. Added lanes get rows at
-      the end, although their numbers in the sweep may be in between.
+    - `order`: (lanes,) number of the lane in each row of the store.
     - `added`: names of the variables that were added when some lanes were already done.
     """
 
@@ -68,11 +54,10 @@ class Contents(NamedTuple):
 def create(path: Path, contents: Contents) -> None:
     """Make a store without results at a path; do nothing if another process has made the store.
 
-    The store is written under another name and renamed, so that it is complete or absent.
+    The store is written under another name and then renamed, so that it is complete or absent.
     """
     with _new_store(path, contents) as store:
-        pending = {name: v[contents.order] for name, v in contents.layout.pending().items()}
-        write_grid(store, labelled(contents, pending))
+        write_grid(store, dataset(contents.layout, contents.layout.pending()))
         try:
             store.rename(path)
         except OSError:
@@ -85,7 +70,7 @@ def extend(path: Path, contents: Contents) -> None:
 
     Existing chunks are not changed. The grid, whose labels are outdated, is removed.
 
-    **Arguments:** `contents`: those of the extended store.
+    **Arguments:** `contents`: contents of the extended store.
     """
     with _new_store(path, contents) as store:
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
@@ -102,8 +87,7 @@ def _move(file: Path, to: Path) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove incomplete stores of killed processes that were making or extending the store at a
-    path."""
+    """Remove incomplete stores that killed processes have left beside the store at a path."""
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
@@ -116,41 +100,37 @@ def contents_of(path: Path) -> Contents:
     **Raises:** `ValueError` if there is no sweep's store, or if its metadata or labels are damaged.
     """
     group, attrs = _opened(path)
+    own = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
+    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
     path = path / BY_LANE
-    stored = {name: attrs.pop(name) for name in _OWN}
-    order = _values(path, group, stored["sweep_order"])
+    order = _values(path, group, own["sweep_order"])
     row_of = np.argsort(order)
-    names, digests = stored["sweep_axes"], stored["sweep_digests"]
-    further = stored["sweep_coordinates"]
-    axes = [_labels(path, group, name) for name in names]
-    axes = [axis._replace(values=axis.values[row_of]) for axis in axes]
-    if not stored["sweep_zipped"]:
-        # The store has each axis's value in every lane, in rows; `Layout` needs each value once.
-        axes = [_along(axis, stored["sweep_shape"], dim) for dim, axis in enumerate(axes)]
-    labels = {*names, *further, *digests.values(), stored["sweep_order"]}
-    notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
+    names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
+    axes = []
+    for dim, name in enumerate(names):
+        axis = _labels(path, group, name)
+        values = axis.values[row_of]
+        if not own["sweep_zipped"]:
+            # The store has the axis's value in every lane; `Layout` needs each value once.
+            shape = own["sweep_shape"]
+            values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
+        axes.append(axis._replace(values=values))
+    labels = {*names, *further, *digests.values(), own["sweep_order"]}
     layout = Layout(
         tuple(axes),
-        stored["sweep_chunk"],
+        own["sweep_chunk"],
         {name: _variable(array) for name, array in group.arrays() if name not in labels},
         tuple(_labels(path, group, name) for name in further),
         attrs,
-        stored["sweep_zipped"],
+        own["sweep_zipped"],
         notes,
     )
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
-    identity = Identity(stored["sweep_programs"], lanes)
-    return Contents(layout, identity, order, frozenset(stored[ADDED]))
-
-
-def labelled(contents: Contents, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Return results in the order of the store's rows, (lanes, ...) by variable, as a dataset."""
-    row_of = np.argsort(contents.order)
-    return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
+    return Contents(layout, Identity(own["sweep_programs"], lanes), order, frozenset(own[ADDED]))
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """Open a store to read it, and return its group `by_lane` and the attributes of this group.
+    """Open a store, and return its group `by_lane` and the attributes of this group.
 
     The attribute with the digest of the metadata is checked and left out.
 
@@ -189,7 +169,7 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 @contextmanager
 def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """Yield the path of a temporary store in the same folder, which is removed afterwards."""
+    """Write a store without results beside a path; yield its path, and remove it afterwards."""
     store = unfinished(path)
     try:
         _write(store / BY_LANE, contents)
@@ -199,26 +179,48 @@ def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
 
 
 def _write(path: Path, contents: Contents) -> None:
+    """Write a group `by_lane` without results to a folder."""
     import zarr
 
-    layout, identity, order, _ = contents
-    taken = sorted(set(_OWN) & {*layout.settings, *layout.notes})
-    require(not taken, "settings", taken, "names that the store does not use", "rename them")
+    layout, identity, order, added = contents
+    # Another order has another name, so that a concurrent reader finds the array of its own order.
+    order_name = f"sweep_order_{digest(order.tobytes())}"
     digests = {name: f"sweep_lanes_{name}".rstrip("_") for name in identity.lanes}
-    attributes = {**layout.settings, **layout.notes, **_own_attributes(contents, digests)}
+    own = {
+        "sweep_axes": [axis.name for axis in layout.axes],
+        "sweep_shape": list(layout.shape),
+        "sweep_zipped": layout.zipped,
+        "sweep_chunk": layout.chunk,
+        "sweep_coordinates": [c.name for c in layout.coordinates],
+        "sweep_notes": list(layout.notes),
+        "sweep_programs": dict(identity.programs),
+        "sweep_digests": digests,
+        "sweep_order": order_name,
+        ADDED: sorted(added),
+        _FORMAT: _VERSION,
+    }
+    attributes = {**layout.settings, **layout.notes, **own}
     group = zarr.create_group(checked_files()(path), zarr_format=3, attributes=attributes)
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
         *(Coordinate(digests[name], values[order]) for name, values in identity.lanes.items()),
-        Coordinate(_order_name(order), order),
+        Coordinate(order_name, order),
     ]
     for coordinate in along_lanes:
         _write_labels(group, coordinate, LANE, layout.chunk)
     for coordinate in layout.coordinates:
         _write_labels(group, coordinate, coordinate.name, len(coordinate.values))
     for name, variable in layout.variables.items():
-        _write_variable(group, name, variable, layout)
+        group.create_array(
+            name,
+            shape=(layout.lanes, *variable.shape),
+            chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
+            dtype=variable.dtype,
+            fill_value=variable.fill,
+            dimension_names=(LANE, *variable.dims),
+            attributes=variable.attributes,
+        )
     with warnings.catch_warnings():
         # Consolidated metadata are a draft in format 3. Without them, opening the store reads a
         # file for every array.
@@ -229,47 +231,8 @@ def _write(path: Path, contents: Contents) -> None:
     (path / ROOT).write_text(json.dumps(root, indent=2))
 
 
-def _own_attributes(contents: Contents, digests: dict[str, str]) -> dict[str, Any]:
-    """Return the values of the attributes `_OWN` by name.
-
-    `digests`: by key of `Identity.lanes`, the name of the array with these digests.
-    """
-    layout, order = contents.layout, _order_name(contents.order)
-    names = [axis.name for axis in layout.axes]
-    values = (
-        names,
-        list(layout.shape),
-        layout.zipped,
-        layout.chunk,
-        [c.name for c in layout.coordinates],
-        list(layout.notes),
-        dict(contents.identity.programs),
-        digests,
-        order,
-        sorted(contents.added),
-        _VERSION,
-    )
-    return dict(zip(_OWN, values, strict=True))
-
-
-def _order_name(order: np.ndarray) -> str:
-    # Another order has another name, so that a concurrent reader finds the array of its own order.
-    return f"sweep_order_{digest(order.tobytes())}"
-
-
-def _write_variable(group: "zarr.Group", name: str, variable: Variable, layout: Layout) -> None:
-    group.create_array(
-        name,
-        shape=(layout.lanes, *variable.shape),
-        chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
-        dtype=variable.dtype,
-        fill_value=variable.fill,
-        dimension_names=(LANE, *variable.dims),
-        attributes=variable.attributes,
-    )
-
-
 def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int) -> None:
+    """Write an array of labels along the dimension `dim`, in chunks of `chunk` labels."""
     name, values, _ = coordinate
     dtype: Any = str if values.dtype.kind == "U" else values.dtype
     attributes: dict[str, Any] = coordinate.attributes
@@ -302,15 +265,6 @@ def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
 def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
     unit = str(group[name].attrs.get("units", "1"))
     return Coordinate(name, _values(path, group, name), unit)
-
-
-def _along(axis: Coordinate, shape: list[int], dim: int) -> Coordinate:
-    """Return the coordinate of an axis, whose values are given for all lanes, with each value once.
-
-    **Arguments:** `shape`: number of values along each axis; `dim`: number of this axis.
-    """
-    grid = np.moveaxis(axis.values.reshape(shape), dim, -1)
-    return axis._replace(values=grid.reshape(-1, shape[dim])[0])
 
 
 def _variable(array: "zarr.Array") -> Variable:

@@ -1,16 +1,26 @@
-"""Digests of a sweep's programs: the run of a lane, and the computation of each output.
+"""Digests by which a store recognises its sweep: those of its programs and of its lanes' numbers.
 
-The programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
-program, the numbers of solver, controller and outputs are constants.
+A run is determined by its program and by the numbers from which it starts. A store therefore
+compares digests of both. It does not compare source texts, names or axes: a sweep over other axes
+that reaches the same numbers finds its stored lanes.
+
+Programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
+program, and the numbers of solver, controller and outputs are constants.
 """
 
-from dataclasses import dataclass, replace
+import hashlib
+from collections import defaultdict, deque
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+import numpy as np
+from jaxtyping import Int, PyTree
 
+from ...fields.types import ArrayLike
 from ...math.vectors import ConstantFolded, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -25,14 +35,30 @@ from ...simulation.lanes.lane import (
     outcome,
     step_lane,
 )
+from ...simulation.lanes.tasks import Task
 from ...simulation.results.impact_table import IMPACT_UNITS
 from ...simulation.run.segments import IMPACTS
 from ...simulation.step.dense_output import Snapshot
+from ..axes import Lanes
 from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
 RUN = ""
-"""Key of the digest of the run itself, beside the names of variables."""
+"""Key of the digests of the run itself, beside the names of variables and outputs."""
+_BLOCK = 4096
+"""Number of lanes whose bytes are in memory at the same time."""
+
+
+class Identity(NamedTuple):
+    """Digests that identify a sweep of n lanes.
+
+    - `programs`: digests of the programs by name; see `programs`.
+    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
+      the name of an output, digests (n,) of the times at which it is saved.
+    """
+
+    programs: Mapping[str, str]
+    lanes: Mapping[str, Int[np.ndarray, " n"]]
 
 
 def programs(
@@ -42,11 +68,10 @@ def programs(
     start_time: float,
     channels: dict[str, dict[str, Quantity]],
 ) -> dict[str, str]:
-    """Return digests of the program of the run, under `RUN`, and of each output's variable, by
-    name.
+    """Return digests of the program of the run, under `RUN`, and of each variable, by name.
 
-    The outputs have digests of their own, so that outputs can be added to a store whose lanes stay
-    valid.
+    The variables of outputs have digests of their own, so that outputs can be added to a store
+    whose lanes stay valid.
 
     **Arguments:**
 
@@ -57,133 +82,153 @@ def programs(
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
     """
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
-    traced = _Traced(plan, rest, channels)
-    time = jnp.asarray(start_time, dtype=float)
-    # A run begins a lane and then repeats one step: these two programs determine it.
-    start = fingerprints(traced.begin, numbers, state, time, 1.0)
-    lane: Lane = start.shapes[RUN]
-    step = fingerprints(traced.step, numbers, lane, 1.0)
-    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
-    # another part of the step does.
-    now = lane.run.step
-    row = Snapshot(now.t, now.y, now.entry_speeds)
-    tallies = jax.eval_shape(traced.tallies, numbers, row)
-    outputs = fingerprints(traced.read, numbers, row, row, tallies)
-    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
-    # that is added must not change the digest of the run.
-    with_contacts = jax.eval_shape(traced.begin_with_impacts, numbers, state, time, 1.0)
-    tables = fingerprints(traced.impact_tables, numbers, with_contacts, 1.0)
-    run = {RUN: digest(start.digests[RUN], step.digests[RUN])}
-    return run | outputs.digests | tables.digests
+    without_outputs = Plan(plan.scheme, {}, {}, False, plan.max_steps)
+    with_impacts = Plan(plan.scheme, {}, {}, False, plan.max_steps, plan.impacts)
 
+    # Functions to trace, whose arguments are the numbers of the scene. Times are in s.
+    def scene_of(numbers: PyTree) -> Scene:
+        return unpack(eqx.combine(numbers, rest))
 
-@dataclass(frozen=True)
-class _Traced:
-    """Functions to trace, whose arguments are the numbers of a scene.
-
-    - `plan`, `channels`: as in `programs`.
-    - `rest`: the scene with ``None`` for its numbers.
-    """
-
-    plan: Plan
-    rest: PyTree
-    channels: dict[str, dict[str, Quantity]]
-
-    @property
-    def _without_outputs(self) -> Plan:
-        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
-
-    @property
-    def _with_impacts(self) -> Plan:
-        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps, self.plan.impacts)
-
-    def _scene(self, numbers: PyTree) -> Scene:
-        return unpack(eqx.combine(numbers, self.rest))
-
-    def begin(self, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> dict[str, Lane]:
-        """Return the lane before its first step, of length `length`, s, from the start `time`,
-        s."""
-        plan, request = self._without_outputs, _request(time + length, length)
-        return {RUN: begin_lane(plan, self._scene(numbers), state, time, request)}
-
-    def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the lane after one step, and the outcome of a run that ends there."""
-        plan, scene = self._without_outputs, self._scene(numbers)
-        after = step_lane(plan, scene, lane, _request(end_time, end_time))
-        return {RUN: (after, outcome(plan, scene, lane, end_time))}
-
-    def begin_with_impacts(
-        self, numbers: PyTree, state: State, time: Scalar, length: Scalar
-    ) -> Lane:
-        """Return the lane before its first step, with a recorder of impacts."""
+    def begin(plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
+        """Return the lane before its first step, of the given length."""
         request = _request(time + length, length)
-        return begin_lane(self._with_impacts, self._scene(numbers), state, time, request)
+        return begin_lane(plan, scene_of(numbers), state, time, request)
 
-    def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+    def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+        """Return the lane after one step, and the outcome of a run that ends before this step."""
+        scene = scene_of(numbers)
+        after = step_lane(without_outputs, scene, lane, _request(end_time, end_time))
+        return {RUN: (after, outcome(without_outputs, scene, lane, end_time))}
+
+    def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables."""
         if not lane.run.records[IMPACTS]:
             return {}
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
-        after = step_lane(self._with_impacts, self._scene(numbers), lane, request)
+        after = step_lane(with_impacts, scene_of(numbers), lane, request)
         return {
             variable_name(name, key): record
             for name, record in after.run.records[IMPACTS].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
-    def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """Return by name the values that the reductions accumulate, at the start of the run.
-
-        **Arguments:** `row`: the state at the start.
-        """
-        now = self._instant(numbers, row, row)
-        return {
-            name: jax.tree.map(jnp.asarray, reduction.start(now))
-            for name, reduction in self.plan.reductions.items()
-        }
-
-    def read(
-        self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
-    ) -> dict[str, PyTree]:
-        """Return for each variable all values that its output computes at the end of a step.
-
-        **Arguments:** `row`: state at the end of the step; `inside`: state from which values inside
-        the step are made; `tallies`: accumulated values of the reductions by name.
-        """
-        now, programs = self._instant(numbers, row, inside), {}
-        for name, reduction in self.plan.reductions.items():
-            tally = tallies[name]
-            computed = (
-                reduction.start(now),
-                reduction.update(tally, now),
-                reduction.results(tally, now),
-            )
-            programs |= {variable_name(name, key): computed for key in reduction.units()}
-        for name, quantities in self.channels.items():
-            section = self.plan.sections.get(name)
-            # The times of a section's crossings depend on the crossing condition, so that every
-            # variable of the section includes it.
-            crossing = () if section is None else (section.quantity(now), section.after)
-            programs |= {variable_name(name, key): crossing for key in ("time", "count")}
-            programs |= {
-                variable_name(name, key): (*crossing, quantity(now))
-                for key, quantity in quantities.items()
-            }
-        return programs
-
-    def _instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
+    def instant(numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
         """Return the instant of a row.
 
-        A quantity may evaluate the dense output at a fraction of the step. Its values there are the
+        A quantity may evaluate the dense output at a fraction of the step. The values there are the
         fraction times another row, so that the fraction appears in the traced program.
         """
-        system = self.plan.scheme.system(self._scene(numbers))
+        system = plan.scheme.system(scene_of(numbers))
 
         def at(fraction: Scalar) -> Instant:
             return jax.tree.map(lambda leaf: fraction * leaf, inside).instant(system)
 
         return row.instant(system, at)
 
+    def tallies_of(numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
+        """Return, by name, the values that the reductions accumulate, at the start of the run."""
+        now = instant(numbers, row, row)
+        return {
+            name: jax.tree.map(jnp.asarray, reduction.start(now))
+            for name, reduction in plan.reductions.items()
+        }
+
+    def read(
+        numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
+    ) -> dict[str, PyTree]:
+        """Return for each variable all values that its output computes at the end of a step."""
+        now, computed = instant(numbers, row, inside), {}
+        for name, reduction in plan.reductions.items():
+            tally = tallies[name]
+            parts = (
+                reduction.start(now),
+                reduction.update(tally, now),
+                reduction.results(tally, now),
+            )
+            computed |= {variable_name(name, key): parts for key in reduction.units()}
+        for name, quantities in channels.items():
+            section = plan.sections.get(name)
+            # The times of a section's crossings depend on the crossing condition, so that every
+            # variable of the section includes it.
+            crossing = () if section is None else (section.quantity(now), section.after)
+            computed |= {variable_name(name, key): crossing for key in ("time", "count")}
+            computed |= {
+                variable_name(name, key): (*crossing, quantity(now))
+                for key, quantity in quantities.items()
+            }
+        return computed
+
+    # A run begins a lane and then repeats one step: these two programs determine it.
+    time = jnp.asarray(start_time, dtype=float)
+    given = numbers, state, time, 1.0
+    begun = fingerprints(lambda *given: {RUN: begin(without_outputs, *given)}, *given)
+    lane: Lane = begun.shapes[RUN]
+    stepped = fingerprints(step, numbers, lane, 1.0)
+    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
+    # another part of the step does.
+    now = lane.run.step
+    row = Snapshot(now.t, now.y, now.entry_speeds)
+    outputs = fingerprints(read, numbers, row, row, jax.eval_shape(tallies_of, numbers, row))
+    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
+    # that is added must not change the digest of the run.
+    with_contacts = jax.eval_shape(lambda *given: begin(with_impacts, *given), *given)
+    tables = fingerprints(impact_tables, numbers, with_contacts, 1.0)
+    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
+    return run | outputs.digests | tables.digests
+
 
 def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
     return SegmentRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
+
+
+def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: str) -> Identity:
+    """Return the identity of a sweep.
+
+    A lane starts from its scene, its initial state, its end time and the length of its first step.
+    Lanes with invalid values are identified by their error message.
+
+    **Arguments:** `digests`: digests of the programs by name; `tasks`: data of all lanes; `saved`:
+    name of the output that is saved at the times `tasks.save_at`.
+    """
+    scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
+    states = jax.tree.leaves(lanes.states)
+    arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
+    starts = row_digests([*arrays, *states, tasks.end_time, tasks.first_step])
+    for lane, message in lanes.bad.items():
+        starts[lane] = _number(message.encode())
+    times = {} if tasks.save_at is None else {saved: row_digests([tasks.save_at])}
+    return Identity(digests, {RUN: starts, **times})
+
+
+def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
+    """Return the digest of each row, over arrays (n, ...) side by side, as int64 (n,)."""
+    arrays = [np.asarray(column) for column in columns]
+    count = len(arrays[0])
+    digests = np.empty(count, np.int64)
+    for first in range(0, count, _BLOCK):
+        block = slice(first, min(first + _BLOCK, count))
+        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
+        table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
+        digests[block] = [_number(row.tobytes()) for row in table]
+    return digests
+
+
+def _number(content: bytes) -> int:
+    """Return the digest of bytes as a 64-bit integer."""
+    return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "big", signed=True)
+
+
+def matching_lanes(
+    stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " s"]:
+    """Return for each stored digest the number of a wanted lane with the same digest, (s,).
+
+    No lane occurs twice; the number is -1 where no lane is left.
+    """
+    # Equal digests are usual: an axis may repeat a value.
+    unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
+    for lane, wanted_digest in enumerate(wanted.tolist()):
+        unmatched[wanted_digest].append(lane)
+    return np.array(
+        [unmatched[one].popleft() if unmatched[one] else -1 for one in stored.tolist()], dtype=int
+    )

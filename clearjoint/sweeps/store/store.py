@@ -1,17 +1,17 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
 In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
-are those of the sweep: writing a chunk changes no file of another chunk. The `result` of a chunk is
-written last: without it the lanes count as pending, whatever else a killed process has written.
-Writing a chunk again is harmless, and two processes that write the same chunk wait for each other.
-The same results along the axes are stored for other programs (`.grid`).
+are those of the sweep, so writing a chunk changes no file of another chunk. The result codes of a
+chunk are written last. Without them its lanes count as pending, whatever else a killed process has
+written. Writing a chunk again is harmless, and two processes that write the same chunk wait for
+each other. The same results along the axes are stored for other programs (`.grid`).
 
-Every file has a checksum of its content and path. A chunk with a damaged, missing or exchanged file
-counts as pending too, with a warning that names the file, and is computed again.
+Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
+exchanged file count as pending too. A warning names the file, and the lanes are computed again.
 
 A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
-lanes by the numbers from which they start and variables by the programs that compute them
-(`.identity`). Nothing else of a store changes after its creation.
+lanes by the numbers from which they start, and variables by the programs that compute them
+(`.program`). Nothing else of a store changes after its creation.
 """
 
 import errno
@@ -24,14 +24,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...fields.types import ArrayLike
-from ..layout import BY_LANE, PENDING, RESULT, Layout, dataset
+from ..layout import BY_LANE, PENDING, RESULT, LaneArrays, Layout, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .differences import differences
 from .grid import grid_shows, write_grid
-from .identity import Identity, matching_lanes
-from .metadata import ADDED, Contents, contents_of, create, extend, labelled, remove_abandoned
-from .program import RUN
+from .metadata import ADDED, Contents, contents_of, create, extend, remove_abandoned
+from .program import RUN, Identity, matching_lanes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,17 +53,17 @@ class SweepMemory:
         """Return the numbers of the lanes that are not done, by number of their chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
-    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
+    def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
         """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
-        for name, values in self.layout.checked(len(lanes), arrays).items():
+        for name, values in results.items():
             self._arrays[name][lanes] = values
 
     def write_grid(self) -> None:
         """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
+        """Return the results of all lanes along the axes; pending lanes have the `result` -1."""
         return dataset(self.layout, self._arrays)
 
 
@@ -83,10 +81,9 @@ class SweepStore:
     def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
         """Open the store of a sweep at a path, or create it if there is nothing at the path.
 
-        If the stored sweep has fewer lanes or variables than the requested one, the store is
-        extended.
+        A store with fewer lanes or variables than the requested sweep is extended.
 
-        **Arguments:** `layout`, `identity`: those of the requested sweep.
+        **Arguments:** `layout`, `identity`: layout and identity of the requested sweep.
 
         **Raises:** `ValueError` if there is something other than a store at the path, or if the
         stored sweep has other settings, or lanes or variables that the requested sweep lacks.
@@ -102,10 +99,8 @@ class SweepStore:
             # Read again, because another process may have extended the store before the lock.
             stored = contents_of(path)
             # The order of the rows is a placeholder: `_joined` computes it.
-            requested = Contents(layout, identity, stored.order)
-            extended = _joined(path, stored, requested)
-            stored_lanes, stored_variables = len(stored.order), set(stored.layout.variables)
-            if stored_lanes < layout.lanes or stored_variables < set(layout.variables):
+            extended = _joined(path, stored, Contents(layout, identity, stored.order))
+            if len(stored.order) < layout.lanes or extended.added - stored.added:
                 extend(path, extended)
                 write_grid(path, _labelled(path, extended))
         return cls(path, extended)
@@ -123,15 +118,14 @@ class SweepStore:
             raise PermissionError(errno.EACCES, text, str(self._folder))
         return missing
 
-    def write(self, chunk: int, lanes: Sequence[int], arrays: Mapping[str, ArrayLike]) -> None:
+    def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
         """Write results of some lanes of a chunk to disk.
 
         When this returns, the lanes count as done, even if the process is killed afterwards.
 
         **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
-        any order; `arrays`: results by variable, each with a first axis of length n.
+        any order; `results`: results of these lanes, arrays (n, ...) by name of the variable.
         """
-        results = self.layout.checked(len(lanes), arrays)
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = opened_group(self._folder, "r+")
@@ -145,8 +139,8 @@ class SweepStore:
             first, size = chunk * self.layout.chunk, self.layout.chunk
             span = slice(first, min(first + size, opened(group, RESULT).shape[0]))
             rows_in_chunk = self._row_of[list(lanes)] - first
-            # A chunk of a variable is one file, so all its rows are written together: results of
-            # some lanes are completed by the stored rows, results of all lanes only sorted by row.
+            # A chunk of a variable is one file, so all its rows are written together. If there are
+            # results of some lanes only, the other rows are those of the file.
             if len(lanes) < span.stop - first:
                 results = self._merged(group, chunk, span, rows_in_chunk, results)
             else:
@@ -168,7 +162,7 @@ class SweepStore:
         rows: np.ndarray,
         results: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
-        """Return all rows of a chunk: the given results and, in other rows, the stored ones.
+        """Return all rows of a chunk: given results and, in the other rows, the stored ones.
 
         If a file of the chunk is missing or damaged, the other rows are pending.
 
@@ -176,18 +170,15 @@ class SweepStore:
         results, counted from the start of the chunk; `results`: given results, by variable.
         """
         arrays = {name: opened(group, name) for name in results}
-        fills = {name: self.layout.variables[name].fill for name in results}
-        merged = {
-            name: np.full((span.stop - span.start, *v.shape[1:]), fills[name], v.dtype)
-            for name, v in results.items()
-        }
+        variables, count = self.layout.variables, span.stop - span.start
+        merged = {name: variables[name].pending(count) for name in results}
         try:
             if all(chunk_file(self._folder, a, chunk).exists() for a in arrays.values()):
                 merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
         except ValueError:  # A checksum does not agree.
             pass
-        # If this process is killed between two arrays, old result codes would mark rows as done
-        # whose other values are missing.
+        # Old result codes are removed first. If this process is killed before it has written all
+        # arrays, they would mark rows as done whose other values are missing.
         if (merged[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
@@ -195,10 +186,9 @@ class SweepStore:
         return merged
 
     def write_grid(self) -> None:
-        """Write the results along the axes for other programs, unless they are up to date on
-        disk."""
+        """Write the results along the axes for other programs, if those on disk are outdated."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # `dataset` warns of damage.
+            warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
             results = _labelled(self.path, contents_of(self.path))
         if not grid_shows(self.path, results):
             with locked(self._folder):
@@ -212,7 +202,7 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes; unfinished lanes have the `result` -1."""
+        """Return the results of all lanes along the axes; pending lanes have the `result` -1."""
         return _labelled(self.path, self._contents)
 
 
@@ -241,10 +231,10 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents, with their lanes in the order of the store's rows.
+    """Return the wanted contents, with the order of lanes that the store will have.
 
-    The stored lanes keep their rows; lanes that the store lacks get rows at the end. The order of
-    `wanted` is not used.
+    The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
+    `wanted.order` is not used.
 
     **Raises:** `ValueError` that lists the differences, if the store holds another sweep.
     """
@@ -276,20 +266,21 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
     """Read the results of all lanes of a store, and return them as a dataset along the axes."""
-    group = opened_group(path / BY_LANE, "r")
-    return labelled(contents, _arrays(path, group, contents))
+    arrays = _arrays(path, opened_group(path / BY_LANE, "r"), contents)
+    row_of = np.argsort(contents.order)
+    return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
     """Read the variables of all lanes by name, (lanes, ...), in the order of the store's rows.
 
-    Lanes of chunks that are not done or have damaged files get fill values; a warning names the
+    Lanes of chunks that are not done, or that have damaged files, are pending. A warning names the
     damaged files.
     """
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
     lanes = slice(len(contents.order))  # Another process may have added lanes.
-    # Result codes are written last, so they are read first: a chunk that another process finishes
+    # Result codes are written last, so they are read first. A chunk that another process finishes
     # in between stays pending here.
     codes, faults = read(folder, opened(group, RESULT))
     codes = codes[lanes]
