@@ -3,9 +3,10 @@
 A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate` returns
 one motion, `sweep` many, `sensitivities` derivatives by parameters, `identify` parameters from
 measurements. Contact laws are in `clearjoint.laws`, friction laws in `clearjoint.frictions`, films
-in `clearjoint.films`, ready mechanisms in `clearjoint.mechanisms`, measurable quantities in
-`clearjoint.quantities`, figures in `clearjoint.plot`, types of results in `clearjoint.results`, and
-base classes for elements of your own in `clearjoint.extend`. All numbers are in SI units.
+in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`, ready mechanisms in
+`clearjoint.mechanisms`, measurable quantities in `clearjoint.quantities`, figures in
+`clearjoint.plot`, types of results in `clearjoint.results`, and base classes for elements of your
+own in `clearjoint.extend`. All numbers are in SI units.
 
 **Glossary**
 
@@ -82,6 +83,7 @@ from . import frictions as frictions
 from . import laws as laws
 from . import mechanisms as mechanisms
 from . import presets as presets
+from . import profiles as profiles
 from . import quantities as quantities
 from . import results as results
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
@@ -221,6 +223,7 @@ __dir__ = _without_modules(
     "mechanisms",
     "plot",
     "presets",
+    "profiles",
     "quantities",
     "results",
     "testing",
