@@ -260,28 +260,10 @@ def closest_approach(
     - `axes`: of the journal.
     """
 
-    def of_journal(cosine: Scalar, sine: Scalar) -> tuple[Deviation, Scalar, Scalar]:
-        """Return the journal's deviation in a direction, and the first and second derivative of the
-        angle about its own axis by the angle in the bearing's cross-section."""
-        if journal is None:
-            return _ROUND, 0.0, 0.0
-        along_x = axes.x_along_x * cosine + axes.x_along_y * sine
-        along_y = axes.y_along_x * cosine + axes.y_along_y * sine
-        square = along_x * along_x + along_y * along_y
-        rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
-        change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
-        change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
-        return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
-
-    def overlap(angle: Scalar, cosine: Scalar, sine: Scalar) -> tuple[Scalar, Deviation]:
-        wall = _ROUND if bearing is None else bearing.at(angle)
-        part, _, _ = of_journal(cosine, sine)
-        return x * cosine + y * sine - wall.value + part.value, part
-
     def newton_step(angle: Scalar) -> Scalar:
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
         wall = _ROUND if bearing is None else bearing.at(angle)
-        part, rate, change = of_journal(cosine, sine)
+        part, rate, change = _of_journal(cosine, sine, journal, axes)
         slope = y * cosine - x * sine - wall.slope + part.slope * rate
         bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
         # Only a maximum has a negative second derivative; elsewhere the angle stays.
@@ -291,9 +273,9 @@ def closest_approach(
     count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
     spacing = 2.0 * np.pi / count
     angles = np.arange(count) * spacing
-    overlaps, _ = overlap(angles, np.cos(angles), np.sin(angles))
+    found = overlaps(x, y, angles, bearing, journal, axes)
     # Not an argmax, of which XLA aborts to compile two in one program (jaxlib 0.10).
-    start = jnp.max(jnp.where(overlaps == jnp.max(overlaps), angles, 0.0))
+    start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
 
     # A loop, since steps that are written out would take longer to compile.
     def refine(k: jax.Array, angle: Scalar) -> Scalar:
@@ -306,8 +288,48 @@ def closest_approach(
     angle = jax.lax.stop_gradient(angle)
     angle = angle + newton_step(angle)
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
-    largest, part = overlap(angle, cosine, sine)
-    return Approach(cosine, sine, largest - clearance, part)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    depth = overlaps(x, y, angle, bearing, journal, axes) - clearance
+    return Approach(cosine, sine, depth, part)
+
+
+def overlaps(
+    x: Scalar,
+    y: Scalar,
+    angle: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Scalar:
+    """Return the penetration plus the clearance in the directions of given angles, m.
+
+    The arguments are those of `closest_approach`, and `angle`: in the bearing's cross-section, rad,
+    a number or an array.
+    """
+    numpy = library((angle,))
+    cosine, sine = numpy.cos(angle), numpy.sin(angle)
+    wall = _ROUND if bearing is None else bearing.at(angle)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    return x * cosine + y * sine - wall.value + part.value
+
+
+def _of_journal(
+    cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
+) -> tuple[Deviation, Scalar, Scalar]:
+    """Return the journal's deviation in a direction of the bearing's cross-section.
+
+    **Returns:** the deviation, and the first and second derivative of the angle about the journal's
+    own axis by the angle in the cross-section.
+    """
+    if journal is None:
+        return _ROUND, 0.0, 0.0
+    along_x = axes.x_along_x * cosine + axes.x_along_y * sine
+    along_y = axes.y_along_x * cosine + axes.y_along_y * sine
+    square = along_x * along_x + along_y * along_y
+    rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
+    change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
+    change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
+    return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
 
 
 def require_room(

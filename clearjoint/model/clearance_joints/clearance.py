@@ -6,6 +6,7 @@ journal and bearing is assumed small, so that the bases' circles lie in the bear
 (as in the paper). Contact along a line of the wall is not modelled.
 """
 
+import itertools
 import math
 from typing import Annotated
 
@@ -27,6 +28,7 @@ from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
+from ..bodies import Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
@@ -270,8 +272,6 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the contact of one base if the wall or the journal deviates from a circle."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
-        own_axis = unit(self.journal_axis)
-        own = [journal.direction(direction) for direction in transverse_axes(own_axis)]
         eccentricity = base.centre + base.arm
         near = closest_approach(
             eccentricity.dot(x_axis),
@@ -279,12 +279,12 @@ class ClearanceJoint(AbstractCentredJoint):
             self.clearance,
             self.bearing_profile,
             self.journal_profile,
-            PlanarAxes(*(mine.dot(axis) for mine in own for axis in (x_axis, y_axis))),
+            self.planar_axes(bearing, journal),
         )
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. That point is
         # beside the normal through the base's centre where the journal's deviation has a slope.
-        own_axis = journal.direction(own_axis)
+        own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
         outward = self.journal_radius + near.journal.value - 0.5 * near.depth
@@ -296,6 +296,12 @@ class ClearanceJoint(AbstractCentredJoint):
         gap = Gap(near.depth, rate, self.bearing_radius, self.clearance)
         slip = None if self.friction is None else slip_velocity(sliding, normal, rate)
         return Contact(gap, normal, on_bearing, on_journal, slip)
+
+    def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
+        """Return the components of the journal's axes in the bearing's cross-section."""
+        axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
+        return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
         """Return the penetration, m: eccentricity minus clearance, from the difference of their
