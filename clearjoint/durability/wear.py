@@ -19,19 +19,15 @@ from ..fields.checks import require, require_count, require_positive
 from ..fields.conversion import with_arrays
 from ..model.bodies import BodyState, State
 from ..model.clearance_joints.clearance import ClearanceJoint
-from ..model.clearance_joints.journal_bases import BASES
 from ..model.profiles import PeriodicSpline
 from ..model.scene import Scene
 from ..parametrisation.paths import set_value
 from ..quantities.base import require_known
-from ..quantities.joints import Penetration
-from ..result_codes import result_numbers
-from ..simulation.reductions.reductions import Peak
+from ..result_codes import RESULTS
+from ..simulation.run.saving import Saving
+from ..simulation.run.simulate import simulate
 from ..simulation.step.settings import Settings
-from ..sweeps.axes import Axis
-from ..sweeps.outputs import Output
-from ..sweeps.sweep import sweep
-from .wear_depths import WearDepths
+from .wear_depths import wear_depths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -194,43 +190,33 @@ class _CycleRun:
         """Return the wear per cycle and the state after the run."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
-        outputs: dict[str, Output] = {}
-        for k, (name, rates) in enumerate(self.rates.items()):
-            given = name, rates.bearing, rates.journal, self.samples
-            outputs[f"wear_{k}_0"] = WearDepths(*given, after=first, until=middle)
-            outputs[f"wear_{k}_1"] = WearDepths(*given, after=middle, until=last)
-            outputs |= {f"depth_{k}_{b}": Peak(Penetration(name, b), "m") for b in BASES}
-        # A sweep of one lane, since reductions are outputs of sweeps.
-        joint = next(iter(self.rates))
-        axis = Axis(lambda s: s.joints[joint].clearance, [scene.joints[joint].clearance])
-        arguments = scene, state, last, {"clearance": axis}, outputs, self.settings
-        found = sweep(*arguments, start_time=self.start_time, progress=False)
-        halves = np.array(
-            [
-                [
-                    [
-                        found[f"wear_{k}_{half}_{part} {i + 1}"].item()
-                        for part in PARTS
-                        for i in range(self.samples)
-                    ]
-                    for k in range(len(self.rates))
-                ]
-                for half in (0, 1)
-            ]
+        solution = simulate(
+            scene,
+            state,
+            last,
+            self.settings,
+            Saving(steps=True),
+            start_time=self.start_time,
+            throw=False,
+            progress=False,
         )
         count = len(self.rates)
-        halves = halves.reshape(2, count, len(PARTS), self.samples)
-        penetrations = [max(found[f"depth_{k}_{b}"].item() for b in BASES) for k in range(count)]
-        numbers = [found[f"final_{field.name}"].values[0] for field in fields(BodyState)]
-        names = [str(name) for name in found["body"].values]
-        bodies = {name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)}
-        codes = {number: name for name, number in result_numbers().items()}
+        halves, penetrations = np.zeros((2, count, len(PARTS), self.samples)), np.zeros((2, count))
+        result = RESULTS[solution.result]
+        if solution.result == RESULTS.successful:
+            for k, span in enumerate(((first, middle), (middle, last))):
+                for j, (name, rates) in enumerate(self.rates.items()):
+                    of_parts = rates.bearing, rates.journal
+                    halves[k, j], penetrations[k, j] = wear_depths(
+                        scene, solution, name, of_parts, *span, self.samples
+                    )
         return _Measured(
             halves.sum(axis=0) / self.measured,
             halves.sum(axis=(2, 3)),
-            np.array(penetrations),
-            State(bodies),
-            codes[int(found["result"].item())],
+            penetrations.max(axis=0),
+            # Only what a store keeps, so that a computation that is continued has the same bits.
+            State(solution.final.bodies),
+            "" if solution.result == RESULTS.successful else result,
         )
 
     def difference(self, found: "_Measured") -> float:
@@ -246,14 +232,15 @@ class _Measured(NamedTuple):
     - `depths`: (J, 2, samples) m per cycle, of bearing and journal.
     - `halves`: (2, J) sum of the depths in each half of the measured cycles, m.
     - `penetrations`: (J,) largest penetration, m.
-    - `state`: at the end of the run. `result`: name of its result code.
+    - `state`: at the end of the run.
+    - `failure`: text of the run's result code; empty for a successful run.
     """
 
     depths: Float[np.ndarray, "joints 2 samples"]
     halves: Float[np.ndarray, "2 joints"]
     penetrations: Float[np.ndarray, " joints"]
     state: State
-    result: str
+    failure: str
 
 
 @dataclass
@@ -290,10 +277,9 @@ class _Stages:
     ) -> None:
         """Measure the wear of the last stage, and extrapolate it to a new one or end."""
         found = run.measure(_with_depths(scene, self.names, self.depths[-1]), self.state)
-        failed = found.result != "successful"
-        difference = np.inf if failed else run.difference(found)
-        if failed or difference > run.tolerance:
-            self._refuse(found.result, difference, run)
+        difference = run.difference(found)
+        if found.failure or difference > run.tolerance:
+            self._refuse(found.failure, difference, run)
             return
         self.state = found.state
         self.rates.append(found.depths)
@@ -306,11 +292,10 @@ class _Stages:
         else:
             self._extrapolate(left, largest_change)
 
-    def _refuse(self, result: str, difference: float, run: _CycleRun) -> None:
+    def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
         """End, or raise an error in the first stage, for a run whose wear can't be extrapolated."""
-        if result != "successful":
-            reason = f"the run of a stage ended with the result code {result}"
-        else:
+        reason = f"the run of a stage failed: {failure}"
+        if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
         require(
             len(self.cycles) > 1,
@@ -333,14 +318,14 @@ class _Stages:
             fastest = rate[j].max()
             if fastest > 0.0:
                 length = min(length, limit / fastest)
+        middle = rate
         if len(self.rates) == 1:
-            change = rate * min(length, max(FIRST_STAGE * length, 1.0))
-            length = min(length, max(FIRST_STAGE * length, 1.0))
+            length *= FIRST_STAGE
         else:
             # Rate at the middle of the stage, on the line through those of the last two stages.
             before = self.cycles[-1] - self.cycles[-2]
             middle = rate + 0.5 * length / before * (rate - self.rates[-2])
-            change = np.maximum(middle, 0.0) * length
+        change = np.maximum(middle, 0.0) * length
         self.cycles.append(self.cycles[-1] + length)
         self.depths.append(self.depths[-1] + change)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ...fields.checks import require_count, require_positive
 from ...math.smoothing import norm_and_direction
-from ...math.vectors import Scalar
+from ...math.vectors import Scalar, Vector
 from ...model.clearance_joints.journal_bases import BASES, HasJournal
 from ...model.contact.gap import slip_velocity
 from ...model.scene import Scene
@@ -129,7 +129,7 @@ class ArchardWear(AbstractWindowedReduction):
         wears."""
         joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
         assert isinstance(joint, HasJournal)
-        speed = sliding_speed(now, self.joint, base)
+        speed = self._sliding_speed(now, base)
         rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
         offset = joint.journal_offset(now.motions, base)
         turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
@@ -138,12 +138,14 @@ class ArchardWear(AbstractWindowedReduction):
         sector = jnp.minimum(sector, self.sectors - 1)
         return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
 
-
-def sliding_speed(now: Instant, joint: str, base: str) -> Scalar:
-    """Return the sliding speed of the surfaces at a base of a joint, m/s, with or without
-    friction."""
-    contact = now.contacts[joint][base].contact
-    first, second = (now.motions[name] for name in now.scene.contact_joints()[joint].pair())
-    sliding = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
-    slip = slip_velocity(sliding, contact.normal, sliding.dot(contact.normal))
-    return norm_and_direction(slip)[0]
+    def _sliding_speed(self, now: Instant, base: str) -> Scalar:
+        """Return the sliding speed of the surfaces at a base, m/s; defined without friction too."""
+        contact = now.contacts[self.joint][base].contact
+        first, second = (
+            now.motions[name] for name in now.scene.contact_joints()[self.joint].pair()
+        )
+        sliding: Vector = second.velocity_at(contact.arm_second) - first.velocity_at(
+            contact.arm_first
+        )
+        slip = slip_velocity(sliding, contact.normal, sliding.dot(contact.normal))
+        return norm_and_direction(slip)[0]
