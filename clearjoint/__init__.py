@@ -34,6 +34,7 @@ own in `clearjoint.extend`. All numbers are in SI units.
 | output | a number of each run of a sweep, such as a peak force |
 | path | selects a number of a scene: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
+| profile | deviation of a bearing's wall or a journal from its circle, around the axis |
 | quantity | function of the instant that a sensor could read, such as `Position` |
 | reduction | output that is updated at every accepted step |
 | residual | prediction less measurement, over the noise |

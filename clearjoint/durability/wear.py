@@ -112,9 +112,11 @@ def wear(
     - ``cycles``: number of cycles before each stage, (stage).
     - ``bearing_depth``, ``journal_depth``: m, (joint, stage, angle), about the axis of each part
       from its x axis (see `clearjoint.quantities.JournalOffset`).
-    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, likewise.
+    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, likewise; NaN in the
+      last stage, which has no run.
     - ``penetration``: largest penetration in the run of a stage, m, (joint, stage).
-    - ``final_position`` and so on: state after the last run, in which the last stage was measured.
+    - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
+      the last run.
 
     The attribute ``ending`` is "reached the cycles", or the reason why the computation ended before
     them. `clearjoint.worn` returns the scene of a stage, `clearjoint.cycles_to_depth` a life.
@@ -139,9 +141,10 @@ def wear(
     store = None if path is None else _Store(Path(path), _digest(scene, state, run, cycles))
     if store is not None:
         stages_so_far = store.read(stages_so_far)
-    with tqdm(total=float(cycles), initial=stages_so_far.cycles[-1], disable=not progress) as bar:
-        while stages_so_far.ending == "":
-            stages_so_far.add(run, scene, cycles, largest_change, stages)
+    begun = stages_so_far.cycles[-1]
+    with tqdm(total=float(cycles), initial=begun, disable=not progress) as bar:
+        while not stages_so_far.has_ended(cycles, stages):
+            stages_so_far.add(run, scene, cycles, largest_change)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
@@ -245,12 +248,13 @@ class _Measured(NamedTuple):
 
 @dataclass
 class _Stages:
-    """The stages computed so far; lists have one entry for each stage.
+    """The stages computed so far.
 
-    - `cycles`: before the stage. `depths`: (J, 2, samples) m, at its start.
-    - `rates`: depth per cycle in its run, m; one entry less for the last stage before its run.
-    - `penetrations`: (J,) m.
+    - `cycles`: number of cycles before each stage. `depths`: (J, 2, samples) m there.
+    - `rates`: depth per cycle, (J, 2, samples) m, and `penetrations`: (J,) m, in the run of each
+      stage except the last one, which has no run yet.
     - `state`: from which the next run starts.
+    - `failure`: why no further stage can be computed; empty for none.
     - `ending`: why the computation ended; empty while it goes on.
     """
 
@@ -260,6 +264,7 @@ class _Stages:
     rates: list[np.ndarray]
     penetrations: list[np.ndarray]
     state: State
+    failure: str = ""
     ending: str = ""
 
     @staticmethod
@@ -273,10 +278,18 @@ class _Stages:
         scene: Scene,
         cycles: float,
         largest_change: float | None,
-        most: int,
     ) -> None:
-        """Measure the wear of the last stage, and extrapolate it to a new one or end."""
-        found = run.measure(_with_depths(scene, self.names, self.depths[-1]), self.state)
+        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`."""
+        scene = _with_depths(scene, self.names, self.depths[-1])
+        try:
+            found = run.measure(scene, self.state)
+        except ValueError as error:
+            if len(self.cycles) == 1:
+                raise
+            raise ValueError(
+                f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} s: "
+                f"the state after {run.settle + run.measured} cycles doesn't fit their start."
+            ) from error
         difference = run.difference(found)
         if found.failure or difference > run.tolerance:
             self._refuse(found.failure, difference, run)
@@ -284,16 +297,25 @@ class _Stages:
         self.state = found.state
         self.rates.append(found.depths)
         self.penetrations.append(found.penetrations)
-        left = cycles - self.cycles[-1]
-        if left <= 0.0:
+        self._extrapolate(cycles - self.cycles[-1], largest_change)
+
+    def has_ended(self, cycles: float, stages: int) -> bool:
+        """Return whether there is nothing more to compute, and set `ending` if so."""
+        if self.failure:
+            self.ending = self.failure
+        elif self.cycles[-1] >= cycles:
             self.ending = "reached the cycles"
-        elif len(self.cycles) >= most:
-            self.ending = f"{most} stages"
+        elif len(self.cycles) >= stages:
+            self.ending = f"{stages} stages"
         else:
-            self._extrapolate(left, largest_change)
+            self.ending = ""
+        return self.ending != ""
 
     def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
-        """End, or raise an error in the first stage, for a run whose wear can't be extrapolated."""
+        """Set `failure` for a run whose wear can't be extrapolated.
+
+        **Raises:** `ValueError` in the first stage.
+        """
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -304,7 +326,7 @@ class _Stages:
             f"a cycle of a periodic motion ({reason})",
             "check the duration, or raise `settle`, `measured` or `tolerance`",
         )
-        self.ending = reason
+        self.failure = reason
 
     def _extrapolate(self, left: float, largest_change: float | None) -> None:
         """Append the depths after the next stage, of `left` cycles at most."""
@@ -357,7 +379,7 @@ class _Stages:
                 "angle": ("angle", np.arange(samples) * 2.0 * np.pi / samples, {"units": "rad"}),
                 "body": list(self.state.bodies),
             },
-            attrs={"ending": self.ending},
+            attrs={"ending": self.ending, "failure": self.failure},
         ).transpose("joint", "stage", "angle", ...)
 
 
@@ -404,7 +426,7 @@ class _Store:
             list(np.moveaxis(rates, 1, 0))[:measured],
             list(found["penetration"].values.T)[:measured],
             State(bodies),
-            found.attrs["ending"],
+            found.attrs["failure"],
         )
 
 
