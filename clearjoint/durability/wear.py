@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import shutil
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -394,7 +395,10 @@ class _Store:
         """Replace the store; the old one stays if the process is killed meanwhile."""
         new = self.path.with_name(f"{self.path.name}.new")
         shutil.rmtree(new, ignore_errors=True)
-        found.assign_attrs(digest=self.digest).to_zarr(new, mode="w", consolidated=False)
+        with warnings.catch_warnings():
+            # Zarr warns that version 3 of its format doesn't specify texts yet.
+            warnings.simplefilter("ignore")
+            found.assign_attrs(digest=self.digest).to_zarr(new, mode="w", consolidated=False)
         shutil.rmtree(self.path, ignore_errors=True)
         new.rename(self.path)
 
@@ -405,7 +409,7 @@ class _Store:
         if not self.path.exists():
             return first
         with xr.open_zarr(self.path, consolidated=False) as found:
-            found = found.load()
+            found.load()
         require(
             found.attrs.get("digest") == self.digest,
             "path",
