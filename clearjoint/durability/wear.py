@@ -392,23 +392,27 @@ class _Store:
     digest: str
 
     def write(self, found: "xr.Dataset") -> None:
-        """Replace the store; the old one stays if the process is killed meanwhile."""
-        new = self.path.with_name(f"{self.path.name}.new")
+        """Replace the store; a process that is killed meanwhile leaves the old or the new one."""
+        new, old = self._beside("new"), self._beside("old")
         shutil.rmtree(new, ignore_errors=True)
         with warnings.catch_warnings():
             # Zarr warns that version 3 of its format doesn't specify texts yet.
             warnings.simplefilter("ignore")
             found.assign_attrs(digest=self.digest).to_zarr(new, mode="w", consolidated=False)
-        shutil.rmtree(self.path, ignore_errors=True)
+        if self.path.exists():
+            shutil.rmtree(old, ignore_errors=True)
+            self.path.rename(old)
         new.rename(self.path)
+        shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
         """Return the stored stages, or `first` if there is no store."""
         import xarray as xr
 
-        if not self.path.exists():
+        existing = [path for path in (self.path, self._beside("old")) if path.exists()]
+        if not existing:
             return first
-        with xr.open_zarr(self.path, consolidated=False) as found:
+        with xr.open_zarr(existing[0], consolidated=False) as found:
             found.load()
         require(
             found.attrs.get("digest") == self.digest,
@@ -432,6 +436,9 @@ class _Store:
             State(bodies),
             found.attrs["failure"],
         )
+
+    def _beside(self, suffix: str) -> Path:
+        return self.path.with_name(f"{self.path.name}.{suffix}")
 
 
 def _digest(scene: Scene, state: State, run: _CycleRun, cycles: float) -> str:
