@@ -3,9 +3,10 @@
 A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate` returns
 one motion, `sweep` many, `sensitivities` derivatives by parameters, `identify` parameters from
 measurements. Contact laws are in `clearjoint.laws`, friction laws in `clearjoint.frictions`, films
-in `clearjoint.films`, ready mechanisms in `clearjoint.mechanisms`, measurable quantities in
-`clearjoint.quantities`, figures in `clearjoint.plot`, types of results in `clearjoint.results`, and
-base classes for elements of your own in `clearjoint.extend`. All numbers are in SI units.
+in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`, ready mechanisms in
+`clearjoint.mechanisms`, measurable quantities in `clearjoint.quantities`, figures in
+`clearjoint.plot`, types of results in `clearjoint.results`, and base classes for elements of your
+own in `clearjoint.extend`. All numbers are in SI units.
 
 **Glossary**
 
@@ -33,6 +34,7 @@ base classes for elements of your own in `clearjoint.extend`. All numbers are in
 | output | a number of each run of a sweep, such as a peak force |
 | path | selects a number of a scene: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
+| profile | deviation of a bearing's wall or a journal from its circle, around the axis |
 | quantity | function of the instant that a sensor could read, such as `Position` |
 | reduction | output that is updated at every accepted step |
 | residual | prediction less measurement, over the noise |
@@ -82,8 +84,13 @@ from . import frictions as frictions
 from . import laws as laws
 from . import mechanisms as mechanisms
 from . import presets as presets
+from . import profiles as profiles
 from . import quantities as quantities
 from . import results as results
+from .durability.wear import WearRates as WearRates
+from .durability.wear import cycles_to_depth as cycles_to_depth
+from .durability.wear import wear as wear
+from .durability.wear import worn as worn
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
 from .dynamics.constraint_report import constraint_report as constraint_report
@@ -221,6 +228,7 @@ __dir__ = _without_modules(
     "mechanisms",
     "plot",
     "presets",
+    "profiles",
     "quantities",
     "results",
     "testing",

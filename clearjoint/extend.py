@@ -84,6 +84,8 @@ from .model.joints.motion_subspaces import JointState as JointState
 from .model.joints.motion_subspaces import Relative as Relative
 from .model.joints.motion_subspaces import Twist as Twist
 from .model.pen import Marker as Marker
+from .model.profiles import AbstractProfile as AbstractProfile
+from .model.profiles import Deviation as Deviation
 from .parametrisation.scales import AbstractScale as AbstractScale
 from .quantities.base import AbstractQuantity as AbstractQuantity
 from .quantities.base import Component as Component

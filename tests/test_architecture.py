@@ -26,7 +26,7 @@ FLOORS = (
     ("quantities",),
     ("simulation",),
     ("information", "measurements", "sweeps"),
-    ("identification", "scene_files", "statistics", "testing"),
+    ("durability", "identification", "scene_files", "statistics", "testing"),
     ("plot", "reference", "views"),
     ("command_line",),
 )
@@ -36,7 +36,7 @@ THIRD_PARTY = {
     "arviz": {"identification"},
     "llvmlite": {"native"},
     "diffrax": {"command_line", "simulation"},
-    "tqdm": {"simulation", "sweeps", "identification"},
+    "tqdm": {"durability", "simulation", "sweeps", "identification"},
     "k3d": {"views"},
     "matplotlib": {"command_line", "plot", "views"},
     "click": {"command_line"},
@@ -45,6 +45,7 @@ THIRD_PARTY = {
     "scipy": {"identification", "model", "plot", "scene_files", "statistics", "views"},
     "xarray": {
         "command_line",
+        "durability",
         "export",
         "identification",
         "measurements",

@@ -73,6 +73,7 @@ from .motion import path as path
 from .motion import position as position
 from .polar import contact_rose as contact_rose
 from .polar import wear as wear
+from .polar import worn_profile as worn_profile
 from .report_page import report as report
 from .sections import bifurcation as bifurcation
 from .sections import poincare_map as poincare_map

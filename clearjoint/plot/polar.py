@@ -128,6 +128,57 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     return axes
 
 
+def worn_profile(
+    found: xr.Dataset,
+    joint: str,
+    part: Literal["bearing", "journal"] = "bearing",
+    *,
+    curves: int = 6,
+    axes: Axes | None = None,
+) -> PolarAxes:
+    """Draw the depth that wear has removed around a part of a joint, after growing numbers of
+    cycles.
+
+    **Arguments:**
+
+    - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
+    - `curves`: number of curves, evenly spaced over the cycles, the last one black.
+    - `axes`: polar axes.
+
+    **Returns:** the axes; angle from the x axis of the part's frame, depth in a suitable unit.
+
+    **Raises:** `ValueError` for unknown names, and axes that are not polar.
+
+    >>> found = xr.Dataset(
+    ...     {"bearing_depth": (("joint", "stage", "angle"), 1e-6 * np.ones((1, 2, 8)))},
+    ...     {"cycles": ("stage", [0.0, 10.0]), "joint": ["pin"], "angle": np.arange(8) * np.pi / 4},
+    ... )
+    >>> axes = plot.worn_profile(found, "pin")
+    """
+    require_names(found, (f"{part}_depth", "cycles"))
+    known = [str(name) for name in found["joint"].values]
+    require(joint in known, "joint", joint, f"one of {known}", "name a joint that wears")
+    require_count("curves", curves, "give a number of curves")
+    axes = polar_or_new(axes)
+    depths = found[f"{part}_depth"].sel(joint=joint).values
+    cycles, angles = found["cycles"].values, found["angle"].values
+    factor, unit = _fitting(depths, "m")
+    closed = np.append(angles, angles[0] + 2.0 * np.pi)
+    wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]
+    for k, number in enumerate(wanted):
+        curve = [np.interp(number, cycles, depth) for depth in depths.T]
+        shade = str(0.75 * (1.0 - (k + 1) / curves))
+        label = f"{number:.3g} cycles"
+        axes.plot(closed, factor * np.append(curve, curve[0]), color=shade, label=label)
+    axes.set_ylim(bottom=0.0)
+    axes.set_rlabel_position(_emptiest(angles, depths[-1]))
+    axes.tick_params(axis="y", labelsize="small", colors=DARK)
+    legend_above(axes, 2, height=1.08)
+    axes.set_xlabel(f"worn depth, {unit}")
+    axes.set_xticklabels(_named(axes, "x", "y"))
+    return axes
+
+
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
     """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
 

@@ -6,6 +6,8 @@ journal and bearing is assumed small, so that the bases' circles lie in the bear
 (as in the paper). Contact along a line of the wall is not modelled.
 """
 
+import itertools
+import math
 from typing import Annotated
 
 import equinox as eqx
@@ -26,9 +28,10 @@ from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
+from ..bodies import Motion
 from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, Limit, caution_beyond
+from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import (
     AbstractConstraint,
@@ -40,6 +43,13 @@ from ..joints.base import (
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
+from ..profiles import (
+    AbstractProfile,
+    PlanarAxes,
+    caution_two_contacts,
+    closest_approach,
+    require_room,
+)
 from .axial import AbstractAxialPolicy, FreeAxially
 from .common import (
     LEAST_TRANSVERSE_LOAD,
@@ -76,9 +86,13 @@ class ClearanceJoint(AbstractCentredJoint):
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
       otherwise `EndPlay(...)` or `FixedAxially()`.
+    - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
+      circles, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for circles. Laws
+      get the radii of the circles. A wall that is somewhere curved more strongly than the journal
+      touches it at two points at once; only the deeper one has a force then, with a warning.
 
     **Raises:** `ValueError` if the journal is not smaller than the bearing, an axis has zero
-    length, or another value is outside its range.
+    length, a profile leaves a centred journal no room, or another value is outside its range.
 
     >>> pin = cj.ClearanceJoint(
     ...     "ground",
@@ -107,6 +121,8 @@ class ClearanceJoint(AbstractCentredJoint):
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
     friction: AbstractFriction | AbstractBristleFriction | None  # pyright: ignore[reportGeneralTypeIssues]
     axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
+    bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
+    journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
 
     def __init__(
         self,
@@ -124,6 +140,8 @@ class ClearanceJoint(AbstractCentredJoint):
         law: AbstractContactLaw,
         friction: AbstractFriction | AbstractBristleFriction | None = None,
         axial: AbstractAxialPolicy | None = None,
+        bearing_profile: AbstractProfile | None = None,
+        journal_profile: AbstractProfile | None = None,
     ):
         require(
             (journal_radius is None) != (clearance is None),
@@ -153,6 +171,7 @@ class ClearanceJoint(AbstractCentredJoint):
         self.journal_length = journal_length
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
+        self.bearing_profile, self.journal_profile = bearing_profile, journal_profile
 
     def __check_init__(self):
         require(
@@ -165,6 +184,7 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
+        require_room(self.clearance, self.bearing_profile, self.journal_profile)
 
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
@@ -181,6 +201,7 @@ class ClearanceJoint(AbstractCentredJoint):
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
             caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
+        caution_two_contacts(self.clearance, self.bearing_profile, self.journal_profile)
 
     @property
     def journal_radius(self) -> Single:
@@ -227,6 +248,8 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
         """Return the contact of one base with the wall (Flores et al. 2006, eqs 10-21)."""
+        if self.bearing_profile is not None or self.journal_profile is not None:
+            return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         # From the bearing's axis to the journal's centre, and from there to the base.
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
@@ -244,6 +267,41 @@ class ClearanceJoint(AbstractCentredJoint):
             slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
         on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+
+    def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
+        """Return the contact of one base if the wall or the journal deviates from a circle."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        eccentricity = base.centre + base.arm
+        near = closest_approach(
+            eccentricity.dot(x_axis),
+            eccentricity.dot(y_axis),
+            self.clearance,
+            self.bearing_profile,
+            self.journal_profile,
+            self.planar_axes(bearing, journal),
+        )
+        normal = x_axis * near.cosine + y_axis * near.sine
+        # The force acts on both bodies at one point, midway between the surfaces. That point is
+        # beside the normal through the base's centre where the journal's deviation has a slope.
+        own_axis = journal.direction(unit(self.journal_axis))
+        tilt = own_axis.dot(normal)
+        beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
+        outward = self.journal_radius + near.journal.value - 0.5 * near.depth
+        to_surface = normal * outward + beside
+        on_bearing = base.on_bearing + bearing.components(to_surface)
+        on_journal = base.local + journal.components(to_surface)
+        sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
+        rate = sliding.dot(normal)
+        gap = Gap(near.depth, rate, self.bearing_radius, self.clearance)
+        slip = None if self.friction is None else slip_velocity(sliding, normal, rate)
+        return Contact(gap, normal, on_bearing, on_journal, slip)
+
+    def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
+        """Return the components of the journal's axes in the bearing's cross-section."""
+        axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
+        return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
         """Return the penetration, m: eccentricity minus clearance, from the difference of their
@@ -315,13 +373,25 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load, (3,) N, presses it."""
+        """Return the ideal joint that holds the journal where a load, (3,) N, presses it.
+
+        The journal counts as a circle, since the load doesn't determine its rotation.
+        """
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
-        return self._ideal(self.bearing_point + self.clearance / size * across)
+        if self.bearing_profile is None:
+            return self._ideal(self.bearing_point + self.clearance / size * across)
+        # The wall's normal is along the load where the journal rests. There the wall is farther
+        # away by the deviation, and beside the load's line by its slope.
+        frame = transverse_axes(unit(Vector(*along)))
+        first, second = (np.array([*direction], float) for direction in frame)
+        wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
+        beside = np.cross(along, across / size)
+        offset = (self.clearance + wall.value) / size * across + wall.slope * beside
+        return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the joint that holds the journal's centre at a point of the bearing, (3,) m."""

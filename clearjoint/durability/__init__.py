@@ -1,0 +1,1 @@
+"""Wear that changes the profiles of bearings and journals over many cycles."""

@@ -1,0 +1,393 @@
+"""Deviations of a bearing's wall or a journal from a circle, and where the two come closest.
+
+A profile is given by its support function p(u): the distance from the centre to the tangent that is
+perpendicular to the unit vector u. With it the penetration of two convex shapes is exact. A journal
+with the support function p_J is inside a bearing with p_B, at an eccentricity e, if
+e.u + p_J(u) <= p_B(u) for every u. The largest difference of the two sides is the penetration, and
+the u where it occurs is the normal of the contact. The radius measured along u differs from p(u) by
+about s^2/(2 R) only, with the slope s of the deviation: 5e-10 m for 3 um per rad and R = 10 mm.
+"""
+
+import abc
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..fields.checks import (
+    as_shown,
+    caution_unless,
+    checkable,
+    concrete,
+    require,
+    require_finite,
+)
+from ..fields.conversion import AbstractConverting, on_device
+from ..fields.declarations import quantity
+from ..fields.types import ArrayLike, Column
+from ..math.functions import polar_angle
+from ..math.vectors import Scalar, library
+
+NEWTON_STEPS = 4
+"""Number of Newton steps from the best of the evenly spaced angles to the closest approach."""
+FEWEST_ANGLES = 16
+"""Smallest number of evenly spaced angles at which `closest_approach` begins to search."""
+MOST_ANGLES = 48
+"""Largest number of these angles; more would not be written out by the native compiler."""
+ANGLES_PER_WAVE = 8
+"""Number of angles that resolve a wave of the highest harmonic."""
+
+
+class Deviation(NamedTuple):
+    """Deviation of a profile from its circle at an angle.
+
+    - `value`: radius of the profile less that of the circle, m.
+    - `slope`: its derivative by the angle, m/rad.
+    - `bend`: its second derivative, m/rad^2.
+    """
+
+    value: Scalar
+    slope: Scalar
+    bend: Scalar
+
+
+class AbstractProfile(AbstractConverting):
+    """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
+
+    A subclass defines `at`, which must be twice continuously differentiable, and `angles`. The
+    angle is measured about the axis, from the x axis towards the y axis of the part's own frame
+    (the frame of `clearjoint.quantities.JournalOffset`). A positive deviation enlarges the radius:
+    it removes material from a bearing and adds material to a journal.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Egg(cj.extend.AbstractProfile):
+        height: float  # m
+
+        def at(self, angle):
+            wave = self.height * jnp.cos(2.0 * angle)
+            return cj.extend.Deviation(wave, -2.0 * self.height * jnp.sin(2.0 * angle), -4.0 * wave)
+
+        def angles(self):
+            return 16
+    ```
+    """
+
+    @abc.abstractmethod
+    def at(self, angle: Scalar) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+
+    @abc.abstractmethod
+    def angles(self) -> int:
+        """Return how many evenly spaced angles resolve the profile."""
+
+
+class Harmonics(AbstractProfile):
+    """Waves around the circumference: the sum over k of a_k cos(k angle) + b_k sin(k angle).
+
+    The first harmonic shifts the circle, the second makes it oval, the third gives three lobes.
+
+    **Arguments:**
+
+    - `cosines`: (K,) m, a_1, a_2, ..., a_K.
+    - `sines`: (K,) m, b_1, ..., b_K; zero by default.
+
+    **Raises:** `ValueError` if the coefficients are not finite rows of equal length.
+
+    >>> oval = cj.profiles.Harmonics([0.0, 5e-6])
+    >>> print(f"{oval.at(0.0).value:.1e} m, {oval.at(np.pi / 2).value:.1e} m")
+    5.0e-06 m, -5.0e-06 m
+    """
+
+    cosines: Column = quantity("m", table=True)
+    sines: Column = quantity("m", table=True)
+
+    def __init__(self, cosines: ArrayLike, sines: ArrayLike | None = None):
+        self.cosines = cosines
+        self.sines = np.zeros(np.shape(cosines)) if sines is None else sines
+
+    def __check_init__(self):
+        shape = np.shape(self.cosines)
+        remedy = "pass the coefficients in a list, that of the first harmonic first"
+        require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
+        given = np.shape(self.sines)
+        require(given == shape, "sines", given, f"of the shape {shape} of `cosines`", remedy)
+        require_finite("cosines", self.cosines)
+        require_finite("sines", self.sines)
+
+    def at(self, angle: Scalar) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+        cosines, sines = on_device(self.cosines), on_device(self.sines)
+        numpy = library((angle,))
+        first = numpy.cos(angle), numpy.sin(angle)
+        value = slope = bend = numpy.zeros_like(first[0])
+        cosine, sine = first
+        for k in range(1, len(cosines) + 1):
+            a, b = cosines[k - 1], sines[k - 1]
+            wave = a * cosine + b * sine
+            value = value + wave
+            slope = slope + k * (b * cosine - a * sine)
+            bend = bend - k * k * wave
+            # The addition theorem is cheaper than a cosine and a sine for each harmonic.
+            cosine, sine = (
+                cosine * first[0] - sine * first[1],
+                sine * first[0] + cosine * first[1],
+            )
+        return Deviation(value, slope, bend)
+
+    def angles(self) -> int:
+        """Return eight angles for each wave of the highest harmonic."""
+        return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
+
+
+class PeriodicSpline(AbstractProfile):
+    """A periodic cubic spline with evenly spaced knots, such as a measured or a worn profile.
+
+    Use `PeriodicSpline.through(values)` for a profile through given values.
+
+    **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles
+    0, 2 pi/N, 4 pi/N, ...; at least four.
+
+    **Raises:** `ValueError` if the coefficients are not a row of at least four finite numbers.
+
+    >>> values = 1e-6 * np.cos(2.0 * np.arange(16) * 2.0 * np.pi / 16)
+    >>> profile = cj.profiles.PeriodicSpline.through(values)
+    >>> print(f"{profile.at(0.0).value:.3e} m, {profile.at(0.1).value:.3e} m")
+    1.000e-06 m, 9.800e-07 m
+    """
+
+    coefficients: Column = quantity("m", table=True)
+
+    def __check_init__(self):
+        shape = np.shape(self.coefficients)
+        remedy = "give the profile at four or more evenly spaced angles"
+        require(len(shape) == 1 and shape[0] >= 4, "coefficients", shape, "a row", remedy)
+        require_finite("coefficients", self.coefficients)
+
+    @staticmethod
+    def through(values: ArrayLike) -> "PeriodicSpline":
+        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ..."""
+        values = jnp.asarray(values) if isinstance(values, jax.Array) else np.asarray(values, float)
+        library = jnp if isinstance(values, jax.Array) else np
+        # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution.
+        count = values.shape[0] if values.ndim == 1 else 0
+        factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / max(count, 1))) / 3.0
+        if count < 4:
+            return PeriodicSpline(values)  # raises an error
+        return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
+
+    def at(self, angle: Scalar) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+        coefficients = on_device(self.coefficients)
+        count = coefficients.shape[0]
+        per_knot = count / (2.0 * np.pi)
+        # Known angles are computed by NumPy, so that the program need not search for their knots.
+        numpy = library((angle,))
+        turns = numpy.asarray(angle, float) / (2.0 * np.pi)
+        position = (turns - numpy.floor(turns)) * count
+        knot = numpy.floor(position)
+        x = position - knot
+        # One gather for the four coefficients. The row continues with its first entries, four of
+        # them since rounding may make the fraction of a turn exactly 1.
+        row = jnp.concatenate([coefficients[-1:], coefficients, coefficients[:3]])
+        index = knot.astype(int)[..., None] + np.arange(4)
+        near = row.at[index].get(mode="promise_in_bounds")
+        a, b, c, d = (near[..., k] for k in range(4))
+        # Powers of x of the four cubic B-splines that are not zero between two knots.
+        linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
+        value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
+        slope = linear + x * (2.0 * square + x * 3.0 * cubic)
+        bend = 2.0 * square + x * 6.0 * cubic
+        return Deviation(value, slope * per_knot, bend * per_knot**2)
+
+    def angles(self) -> int:
+        """Return the number of knots."""
+        return np.shape(self.coefficients)[0]
+
+
+class Approach(NamedTuple):
+    """Direction in which a journal comes closest to the wall, and the contact there.
+
+    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section.
+    - `depth`: penetration, m, negative without contact.
+    - `journal`: deviation of the journal there, with derivatives by the angle about its own axis;
+      zeros for a circle.
+    """
+
+    cosine: Scalar
+    sine: Scalar
+    depth: Scalar
+    journal: Deviation
+
+
+class PlanarAxes(NamedTuple):
+    """Components of a journal's x and y axes along the x and y axes of its bearing.
+
+    The journal may be tilted, or its axis may point against the bearing's.
+    """
+
+    x_along_x: Scalar
+    x_along_y: Scalar
+    y_along_x: Scalar
+    y_along_y: Scalar
+
+
+_ROUND = Deviation(0.0, 0.0, 0.0)
+
+
+def closest_approach(
+    x: Scalar,
+    y: Scalar,
+    clearance: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Approach:
+    """Return where a journal comes closest to the wall, or penetrates it most.
+
+    The penetration is the maximum over the angle of x cos + y sin - clearance - (deviation of the
+    wall) + (deviation of the journal). The search begins at the best of evenly spaced angles and
+    ends with Newton steps, so it finds the largest of several maxima if the angles resolve them.
+
+    **Arguments:**
+
+    - `x`, `y`: eccentricity, m in the bearing's frame.
+    - `clearance`: m, between the circles from which the profiles deviate.
+    - `bearing`, `journal`: the profiles; ``None`` for a circle.
+    - `axes`: of the journal.
+    """
+
+    def newton_step(angle: Scalar) -> Scalar:
+        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        wall = _ROUND if bearing is None else bearing.at(angle)
+        part, rate, change = _of_journal(cosine, sine, journal, axes)
+        slope = y * cosine - x * sine - wall.slope + part.slope * rate
+        bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
+        # Only a maximum has a negative second derivative; elsewhere the angle stays.
+        return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
+
+    counts = [profile.angles() for profile in (bearing, journal) if profile is not None]
+    count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
+    spacing = 2.0 * np.pi / count
+    angles = np.arange(count) * spacing
+    found = overlaps(x, y, angles, bearing, journal, axes)
+    # Not an argmax, of which XLA aborts to compile two in one program (jaxlib 0.10).
+    start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
+
+    # A loop, since steps that are written out would take longer to compile.
+    def refine(k: jax.Array, angle: Scalar) -> Scalar:
+        del k
+        return jnp.clip(angle + newton_step(angle), start - spacing, start + spacing)
+
+    angle = jax.lax.fori_loop(0, NEWTON_STEPS - 1, refine, start)
+    # Only the last step is differentiated: its derivative is that of the maximum (implicit
+    # function theorem).
+    angle = jax.lax.stop_gradient(angle)
+    angle = angle + newton_step(angle)
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    depth = overlaps(x, y, angle, bearing, journal, axes) - clearance
+    return Approach(cosine, sine, depth, part)
+
+
+def overlaps(
+    x: Scalar,
+    y: Scalar,
+    angle: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Scalar:
+    """Return the penetration plus the clearance in the directions of given angles, m.
+
+    The arguments are those of `closest_approach`, and `angle`: in the bearing's cross-section, rad,
+    a number or an array.
+    """
+    numpy = library((angle,))
+    cosine, sine = numpy.cos(angle), numpy.sin(angle)
+    wall = _ROUND if bearing is None else bearing.at(angle)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    return x * cosine + y * sine - wall.value + part.value
+
+
+def _of_journal(
+    cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
+) -> tuple[Deviation, Scalar, Scalar]:
+    """Return the journal's deviation in a direction of the bearing's cross-section.
+
+    **Returns:** the deviation, and the first and second derivative of the angle about the journal's
+    own axis by the angle in the cross-section.
+    """
+    if journal is None:
+        return _ROUND, 0.0, 0.0
+    along_x = axes.x_along_x * cosine + axes.x_along_y * sine
+    along_y = axes.y_along_x * cosine + axes.y_along_y * sine
+    square = along_x * along_x + along_y * along_y
+    rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
+    change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
+    change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
+    return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
+
+
+def require_room(
+    clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
+) -> None:
+    """Check that a journal in the centre of its bearing touches the wall at no relative angle.
+
+    **Arguments:** `clearance`: m, between the circles; `bearing`, `journal`: the profiles, or
+    ``None``.
+
+    **Raises:** `ValueError` that names the clearance that the profiles need.
+    """
+    if bearing is None and journal is None:
+        return
+    deviations = _sampled(bearing).value, _sampled(journal).value
+    if (known := checkable(clearance, *deviations)) is None:
+        return
+    width, wall, part = known
+    least = part.max() - wall.min()
+    require(
+        width > least,
+        "clearance",
+        clearance,
+        f"larger than the {as_shown(least)} m by which the profiles of both parts narrow it",
+        "check the unit (m) and the sign of the profiles: positive values enlarge the radius",
+    )
+
+
+def caution_two_contacts(
+    clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
+) -> None:
+    """Warn if the journal may touch the wall at two points that are close to each other.
+
+    It touches at one point if the wall's radius of curvature, R + h + h'', exceeds the journal's
+    everywhere. The arguments are those of `require_room`.
+    """
+    if bearing is None and journal is None:
+        return
+    wall, part = _sampled(bearing), _sampled(journal)
+    curvatures = concrete(wall.value + wall.bend), concrete(part.value + part.bend)
+    width = concrete(clearance)
+    if width is None or curvatures[0] is None or curvatures[1] is None:
+        return
+    least = float(width + curvatures[0].min() - curvatures[1].max())
+    caution_unless(
+        least > 0.0,
+        "clearance",
+        float(width),
+        "m",
+        f"more than {float(width) - least:.4g} m for profiles so curved, since only the deepest of "
+        "several points of contact has a force,",
+        "give a larger clearance, or a profile with lower waves",
+    )
+
+
+def _sampled(profile: AbstractProfile | None) -> Deviation:
+    """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
+    if profile is None:
+        return Deviation(*(np.zeros(1),) * 3)
+    count = 4 * profile.angles()
+    return profile.at(np.arange(count) * (2.0 * np.pi / count))

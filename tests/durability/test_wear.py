@@ -1,0 +1,160 @@
+"""Wear over many cycles: closed forms, worn volumes, convergence, continuation and refusals."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import clearjoint as cj
+from clearjoint.durability.wear_depths import wear_depths
+from clearjoint.laws import ElastoGap
+
+RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.1e-3, 20e-3, 1e8
+MASS, SPEED, LOAD = 0.5, 200.0, 1e3
+CYCLE = 2.0 * np.pi / SPEED
+RATE = 1e-12
+"""Specific wear rate, m^2/N."""
+
+
+def penetration(depth):
+    """Penetration, m, of a journal that a rotating load presses on a wall worn by a depth, m.
+
+    Both bases carry the load and the centrifugal force.
+    """
+    force = LOAD + MASS * SPEED**2 * (CLEARANCE + depth)
+    return force / (2.0 * STIFFNESS - MASS * SPEED**2)
+
+
+def rate(depth):
+    """Depth worn per cycle, m, by Archard's law, evenly around the wall."""
+    d = penetration(depth)
+    speed = SPEED * (RADIUS + depth + 0.5 * d)
+    return RATE * 2.0 * STIFFNESS * d * speed * CYCLE / (2.0 * np.pi * RADIUS * LENGTH)
+
+
+def whirling():
+    """A journal that rotates together with its load, so that its contact runs around the wall."""
+    law = ElastoGap(stiffness=STIFFNESS, damping=1e4, exponent=1.0)
+    pin = cj.ClearanceJoint(
+        "ground",
+        "rotor",
+        bearing_radius=RADIUS,
+        clearance=CLEARANCE,
+        journal_length=LENGTH,
+        law=law,
+    )
+    here, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    joints = {
+        "pin": pin,
+        "plane": cj.PlanarJoint("ground", "rotor", here, here, axis, axis),
+        "motor": cj.PrescribedRotation("ground", "rotor", axis, SPEED),
+    }
+    force = (lambda t: LOAD * jnp.cos(SPEED * t), lambda t: LOAD * jnp.sin(SPEED * t), 0.0)
+    forces = {"load": cj.AppliedLoad("rotor", force=force)}
+    scene = cj.Scene({"rotor": cj.Body(MASS, (1e-4, 1e-4, 1e-4))}, joints, forces)
+    distance = CLEARANCE + penetration(0.0)
+    state = cj.body_state(
+        (distance, 0.0, 0.0), velocity=(0.0, SPEED * distance, 0.0), spin=(0.0, 0.0, SPEED)
+    )
+    return scene, cj.State({"rotor": state})
+
+
+OPTIONS = {"settle": 1, "measured": 2, "tolerance": 0.05, "samples": 24, "progress": False}
+
+
+@pytest.fixture(scope="module")
+def found():
+    scene, state = whirling()
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    return cj.wear(scene, state, CYCLE, rates, 300.0, largest_change=2e-6, **OPTIONS)
+
+
+def test_a_whirling_journal_wears_its_bearing_evenly(found):
+    """The depth at all angles follows the differential equation of Archard's law."""
+    assert found.attrs["ending"] == "reached the cycles"
+    cycles = found["cycles"].values
+    exact = solve_ivp(
+        lambda n, h: [rate(h[0])], (0.0, cycles[-1]), [0.0], t_eval=cycles, rtol=1e-10, atol=1e-16
+    ).y[0]
+    depths = found["bearing_depth"].sel(joint="pin").values
+    assert exact[-1] > 10e-6 and len(cycles) > 5
+    np.testing.assert_allclose(depths[-1], exact[-1], rtol=2e-2)
+    np.testing.assert_allclose(depths.mean(axis=1), exact, rtol=1e-3, atol=1e-10)
+
+
+def test_life_is_interpolated(found):
+    life = cj.cycles_to_depth(found, 5e-6, "pin")
+    assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
+    assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
+
+
+def test_the_worn_volume_is_that_of_the_reduction():
+    scene, state = whirling()
+    outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
+    save = cj.Saving(steps=True, outputs=outputs)
+    solution = cj.simulate(scene, state, CYCLE, save=save, progress=False)
+    depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), 0.0, CYCLE, 24)
+    volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]
+    np.testing.assert_allclose(volumes, solution.outputs["wear"] * np.array([1, 2]), rtol=1e-6)
+    # The contact stays at one point of the journal.
+    assert np.argmax(depths[1]) == 0
+    assert np.count_nonzero(depths[1] > 1e-3 * depths[1].max()) < 6
+
+
+def test_a_store_is_continued(tmp_path):
+    scene, state = whirling()
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    arguments = scene, state, CYCLE, rates, 3000.0
+    whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
+    part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
+    assert part.attrs["ending"] == "2 stages"
+    rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
+    assert rest.drop_attrs().identical(whole.drop_attrs())
+    with pytest.raises(ValueError, match="path"):
+        cj.wear(scene, state, CYCLE, rates, 10.0, path=tmp_path / "wear", **OPTIONS)
+
+
+def test_worn_profiles_are_put_into_the_scene(found):
+    scene, _ = whirling()
+    worn = cj.worn(scene, found)
+    angles = found["angle"].values
+    np.testing.assert_allclose(
+        worn.joints["pin"].bearing_profile.at(angles).value,
+        found["bearing_depth"].values[0, -1],
+        rtol=1e-9,
+    )
+
+
+def test_a_cycle_that_is_not_periodic_is_refused():
+    scene, state = whirling()
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    centred = cj.State({"rotor": cj.body_state((0.0, 0.0, 0.0), spin=(0.0, 0.0, SPEED))})
+    with pytest.raises(ValueError, match="cycle.*periodic.*differ"):
+        cj.wear(scene, centred, CYCLE, rates, 100.0, **OPTIONS | {"settle": 0, "tolerance": 1e-6})
+    with pytest.raises(ValueError, match="cycle.*period of the scene's drives"):
+        cj.wear(scene, state, 0.1 * CYCLE, rates, 100.0, **OPTIONS)
+
+
+@pytest.mark.parametrize(
+    "change, name",
+    [
+        ({"rates": {}}, "rates"),
+        ({"rates": {"pins": cj.WearRates(bearing=RATE)}}, "rates"),
+        ({"cycle": -1.0}, "cycle"),
+        ({"cycles": 0.0}, "cycles"),
+        ({"measured": 3}, "measured"),
+        ({"samples": 4}, "samples"),
+    ],
+)
+def test_unsuitable_arguments_are_refused(change, name):
+    scene, state = whirling()
+    given = {"cycle": CYCLE, "rates": {"pin": cj.WearRates(bearing=RATE)}, "cycles": 10.0}
+    with pytest.raises(ValueError, match=name):
+        cj.wear(scene, state, **given | {"progress": False} | change)
+
+
+def test_wear_rates_are_positive():
+    with pytest.raises(ValueError, match="bearing.*1e-9 m"):
+        cj.WearRates(bearing=-1e-15)
+    with pytest.raises(ValueError, match="bearing"):
+        cj.WearRates()

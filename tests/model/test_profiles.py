@@ -1,0 +1,278 @@
+"""Profiles of bearings and journals: contact geometry, equilibria, derivatives and refusals."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint.extend import AbstractProfile, Deviation
+from clearjoint.frictions import RegularisedCoulomb
+from clearjoint.laws import Hertz
+from clearjoint.math.vectors import pack, unpack
+from clearjoint.model.bodies import GROUND, GROUND_MOTION
+from clearjoint.model.profiles import PlanarAxes, closest_approach
+from clearjoint.profiles import Harmonics, PeriodicSpline
+from clearjoint.testing import check_contact_joint, moving
+
+RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
+ALIGNED = PlanarAxes(1.0, 0.0, 0.0, 1.0)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 50)
+
+
+def pin(bearing=None, journal=None, **options):
+    options = {"journal_length": 20e-3, "law": Hertz(STIFFNESS), **options}
+    return cj.ClearanceJoint(
+        GROUND,
+        "arm",
+        bearing_radius=RADIUS,
+        clearance=options.pop("clearance", CLEARANCE),
+        bearing_profile=bearing,
+        journal_profile=journal,
+        **options,
+    )
+
+
+def contact(joint, motion):
+    contacts = unpack(joint).contacts({GROUND: GROUND_MOTION, "arm": motion})
+    return jax.tree.map(np.asarray, pack(contacts["V"]))
+
+
+def tumbling(position=(0.3e-3, -0.4e-3, 1e-3), tilt=0.01):
+    rotation = Rotation.from_euler("zyx", [0.7, tilt, -2 * tilt]).as_quat(scalar_first=True)
+    return moving(position, rotation, (0.1, 0.2, -0.1), (0.3, -0.2, 2.0))
+
+
+@pytest.mark.parametrize("part", ["bearing", "journal"])
+def test_the_first_harmonic_shifts_the_circle(part):
+    shift = np.array([60e-6, -80e-6, 0.0])
+    harmonic = Harmonics(shift[:1], shift[1:2])
+    options = {"friction": RegularisedCoulomb(0.1)}
+    motion = tumbling(tilt=0.0)
+    shifted = contact(pin(**{f"{part}_point": shift}, **options), motion)
+    found = contact(pin(**{part: harmonic}, **options), motion)
+    np.testing.assert_allclose(found.gap.depth, shifted.gap.depth, atol=1e-17)
+    np.testing.assert_allclose(found.gap.rate, shifted.gap.rate, atol=1e-12)
+    np.testing.assert_allclose(found.normal, shifted.normal, atol=1e-12)
+    np.testing.assert_allclose(found.arm_first, shifted.arm_first, atol=1e-12)
+    np.testing.assert_allclose(found.arm_second, shifted.arm_second, atol=1e-12)
+    np.testing.assert_allclose(found.slip, shifted.slip, atol=1e-12)
+
+
+class Ellipse(AbstractProfile):
+    """Support function of an ellipse with half axes `a` and `b`, less the radius of a circle."""
+
+    a: float
+    b: float
+    radius: float
+
+    def at(self, angle):
+        def value(t):
+            return jnp.sqrt((self.a * jnp.cos(t)) ** 2 + (self.b * jnp.sin(t)) ** 2) - self.radius
+
+        first = jax.grad(value)
+        angle = jnp.asarray(angle)
+        flat = jnp.ravel(angle)
+        parts = (jax.vmap(f)(flat) for f in (value, first, jax.grad(first)))
+        return Deviation(*(part.reshape(angle.shape) for part in parts))
+
+    def angles(self):
+        return 16
+
+
+def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse():
+    """Depth, normal and points against the nearest points of a circle and an ellipse."""
+    a, b = RADIUS + 30e-6, RADIUS - 20e-6
+    joint = pin(Ellipse(a, b, RADIUS), friction=RegularisedCoulomb(0.1))
+    for angle in (0.0, 0.4, 1.3, 2.5, 4.0):
+        centre = 0.55e-3 * np.array([np.cos(angle), np.sin(angle)])
+        found = contact(joint, moving((*centre, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)))
+        normal = found.normal[:2]
+        wall = found.arm_first[:2] - 0.5 * found.gap.depth * normal
+        surface = centre + (RADIUS - CLEARANCE) * normal
+        assert (wall[0] / a) ** 2 + (wall[1] / b) ** 2 == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(surface - wall, found.gap.depth * normal, atol=1e-16)
+        # No other normal of the ellipse leads to a larger depth.
+        t = np.linspace(0.0, 2.0 * np.pi, 100_001)
+        support = np.hypot(a * np.cos(t), b * np.sin(t))
+        along = centre[0] * np.cos(t) + centre[1] * np.sin(t) + RADIUS - CLEARANCE
+        assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "bearing, journal",
+    [
+        (Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6]), None),
+        (None, Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6])),
+        (
+            PeriodicSpline.through(30e-6 * np.cos(2.0 * np.pi * np.arange(12) / 6)),
+            Harmonics([2e-6, 1e-6, 8e-6], [1e-6, 3e-6, -2e-6]),
+        ),
+    ],
+)
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_the_contact_is_consistent(bearing, journal, axis):
+    joint = pin(bearing, journal, journal_axis=axis, friction=RegularisedCoulomb(0.2))
+    check_contact_joint(joint, {"arm": tumbling()})
+
+
+def test_a_profile_turned_with_its_bearing_gives_the_same_contact():
+    """The wall of a turned bearing has the profile cos(k (angle - turn))."""
+    turn, k = 0.9, 3
+    amplitude = 15e-6
+    cosines, sines = np.zeros(k), np.zeros(k)
+    cosines[-1], sines[-1] = amplitude * np.cos(k * turn), amplitude * np.sin(k * turn)
+    still = pin(Harmonics(cosines, sines), friction=RegularisedCoulomb(0.1))
+    straight = np.zeros(k)
+    straight[-1] = amplitude
+    bearing = cj.ClearanceJoint(
+        "frame",
+        "arm",
+        bearing_radius=RADIUS,
+        clearance=CLEARANCE,
+        journal_length=20e-3,
+        law=Hertz(STIFFNESS),
+        friction=RegularisedCoulomb(0.1),
+        bearing_profile=Harmonics(straight),
+    )
+    frame = moving((0, 0, 0), (np.cos(turn / 2), 0, 0, np.sin(turn / 2)), (0, 0, 0), (0, 0, 0))
+    expected = contact(still, tumbling())
+    found = pack(unpack(bearing).contacts({"frame": frame, "arm": tumbling()})["V"])
+    np.testing.assert_allclose(found.gap.depth, expected.gap.depth, atol=1e-17)
+    np.testing.assert_allclose(found.normal, expected.normal, atol=1e-12)
+    np.testing.assert_allclose(found.slip, expected.slip, atol=1e-12)
+
+
+@pytest.mark.parametrize("along, sign", [(0, 1.0), (1, -1.0)])
+def test_a_two_lobed_bearing_has_its_equilibrium_and_two_stiffnesses(along, sign):
+    """With h = a cos(2 angle) and the load on an axis of symmetry: the penetration of the circle,
+    n K delta^(n - 1) along the load, and F/(c + h + h'' + delta) across it."""
+    amplitude, depth = 40e-6, 10e-6
+    joint = unpack(pin(Harmonics([0.0, amplitude])))
+    load = STIFFNESS * depth**1.5
+    eccentricity = CLEARANCE + sign * amplitude + depth
+    centre = np.zeros(2)
+    centre[along] = eccentricity
+
+    def force(centre):
+        arm = moving((centre[0], centre[1], 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+        touch = joint.contacts({GROUND: GROUND_MOTION, "arm": arm})["V"]
+        size = joint.law.force(touch.gap, None)
+        return jnp.stack([touch.normal.x * size, touch.normal.y * size])
+
+    expected = np.zeros(2)
+    expected[along] = load
+    np.testing.assert_allclose(force(centre), expected, atol=1e-9 * load)
+    stiffness = np.zeros((2, 2))
+    stiffness[along, along] = 1.5 * STIFFNESS * depth**0.5
+    across = 1 - along
+    stiffness[across, across] = load / (CLEARANCE - 3.0 * sign * amplitude + depth)
+    slopes = jax.jacfwd(force)(jnp.asarray(centre))
+    np.testing.assert_allclose(slopes, stiffness, rtol=1e-9, atol=1e-3)
+
+
+def test_the_spline_is_that_of_scipy():
+    values = np.random.default_rng(3).normal(size=20) * 1e-6
+    profile = PeriodicSpline.through(values)
+    knots = np.linspace(0.0, 2.0 * np.pi, 21)
+    spline = CubicSpline(knots, [*values, values[0]], bc_type="periodic")
+    for k, found in enumerate(profile.at(jnp.asarray(ANGLES - 2.0 * np.pi))):
+        np.testing.assert_allclose(found, spline(ANGLES, k), rtol=1e-9, atol=1e-15)
+
+
+def test_harmonics_are_sums_of_waves():
+    cosines, sines = np.random.default_rng(4).normal(size=(2, 5)) * 1e-6
+    k = np.arange(1, 6)[:, None]
+    wave, other = np.cos(k * ANGLES), np.sin(k * ANGLES)
+    found = Harmonics(cosines, sines).at(jnp.asarray(ANGLES))
+    np.testing.assert_allclose(found.value, cosines @ wave + sines @ other, atol=1e-19)
+    np.testing.assert_allclose(found.slope, sines @ (k * wave) - cosines @ (k * other), atol=1e-18)
+    np.testing.assert_allclose(
+        found.bend, -(cosines @ (k * k * wave)) - sines @ (k * k * other), atol=1e-17
+    )
+
+
+def test_of_many_waves_the_deepest_is_found():
+    """The search by 48 angles finds the largest of several maxima."""
+    profile = Harmonics([0.0] * 5 + [50e-6])
+    rng = np.random.default_rng(5)
+    t = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    wall = 50e-6 * np.cos(6 * t)
+    for x, y in rng.normal(size=(20, 2)) * 0.4e-3:
+        found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
+        expected = (x * np.cos(t) + y * np.sin(t) - wall).max() - CLEARANCE
+        assert float(found.depth) == pytest.approx(expected, abs=1e-10)
+
+
+def test_a_journal_rests_where_its_load_presses_it():
+    """The resting place touches the wall, and the wall's normal is along the load."""
+    profile = Harmonics([0.0, 30e-6, -10e-6], [0.0, 20e-6, 0.0])
+    load = np.array([3.0, -2.0, 0.5])
+    ideal = pin(profile).resting_joint(load)
+    x, y, _ = ideal.attachments()[0][2]
+    found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
+    assert float(found.depth) == pytest.approx(0.0, abs=1e-17)
+    np.testing.assert_allclose(
+        [found.cosine, found.sine], load[:2] / np.hypot(*load[:2]), atol=1e-12
+    )
+
+
+def dropped(profile, clearance=CLEARANCE):
+    """A pin in a bearing, thrown against the wall beside the lobe."""
+    scene = cj.Scene(
+        {"arm": cj.Body(1.0, (1e-4, 1e-4, 1e-4))},
+        {
+            "pin": pin(profile, clearance=clearance),
+            "plane": cj.PlanarJoint(GROUND, "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1)),
+        },
+    )
+    return scene, cj.State({"arm": cj.body_state((0.0, 0.0, 0.0), velocity=(0.15, 0.1, 0.0))})
+
+
+def test_derivatives_by_the_coefficients_agree_with_differences():
+    scene, state = dropped(Harmonics([0.0, 20e-6, 5e-6]))
+    path = lambda scene: scene.joints["pin"].bearing_profile.cosines  # noqa: E731
+
+    def end(cosines):
+        return cj.simulate(eqx.tree_at(path, scene, cosines), state, 8e-3).final.bodies["arm"]
+
+    start, step = np.array([0.0, 20e-6, 5e-6]), 1e-9
+    named = {
+        f"wave {k}": cj.Parameter(lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k])
+        for k in (1, 2)
+    }
+    outputs = {"x": cj.quantities.Position("arm", "x"), "y": cj.quantities.Position("arm", "y")}
+    found = cj.sensitivities(scene, state, 8e-3, named, outputs, [8e-3], progress=False)
+    for j, k in enumerate((1, 2)):
+        change = step * np.eye(3)[k]
+        difference = (end(start + change).position - end(start - change).position) / (2.0 * step)
+        for i, output in enumerate(("x", "y")):
+            assert found.derivatives[output][0, j] == pytest.approx(difference[i], rel=1e-4)
+
+
+def test_unsuitable_profiles_are_refused():
+    with pytest.raises(ValueError, match="clearance.*larger than the 0.0006 m"):
+        pin(Harmonics([0.0, 0.6e-3]))
+    with pytest.raises(ValueError, match="cosines"):
+        Harmonics([[1e-6]])
+    with pytest.raises(ValueError, match="sines"):
+        Harmonics([1e-6, 2e-6], [1e-6])
+    with pytest.raises(ValueError, match="coefficients"):
+        PeriodicSpline.through([1e-6, 2e-6])
+    with pytest.raises(ValueError, match="finite"):
+        Harmonics([np.nan])
+
+
+def test_a_wall_that_touches_twice_gives_a_warning():
+    with pytest.warns(cj.UnusualValueWarning, match="several points of contact"):
+        pin(Harmonics([0.0] * 7 + [10e-6]))
+
+
+def test_profiles_are_saved_with_their_scene(tmp_path):
+    scene, state = dropped(Harmonics([0.0, 20e-6], [1e-6, 0.0]))
+    cj.save(scene, state, tmp_path / "scene.toml")
+    loaded, _ = cj.load(tmp_path / "scene.toml")
+    assert eqx.tree_equal(loaded.joints["pin"], scene.joints["pin"])
