@@ -2,10 +2,9 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
-from ..math.rotations import transverse_axes, unit
-from ..math.vectors import Vector, pack
+from ..math.rotations import rotation_matrix, transverse_axes, unit
+from ..math.vectors import EulerParameters, Vector, pack
 from ..model.bodies import GROUND, BodyState
 from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.clearance_joints.journal_bases import BASES
@@ -90,12 +89,14 @@ def _velocities(
     if name == GROUND:
         return np.zeros_like(points)
     body = path.states.bodies[name]
-    spin = _rotation(body).apply(np.asarray(body.spin))
+    spin = _to_global(body, np.asarray(body.spin))
     return np.asarray(body.velocity) + np.cross(spin, points - np.asarray(body.position))
 
 
-def _rotation(body: BodyState) -> Rotation:
-    return Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
+def _to_global(body: BodyState, components: Float[np.ndarray, "#T 3"]) -> Float[np.ndarray, "T 3"]:
+    """Return global components of vectors that are given in the axes of a body."""
+    rotation = rotation_matrix(EulerParameters(*np.asarray(body.orientation).T))
+    return np.asarray(pack(rotation @ Vector(*components.T)))
 
 
 def _planar_axes(joint: ClearanceJoint, path: Trajectory) -> PlanarAxes:
@@ -104,7 +105,7 @@ def _planar_axes(joint: ClearanceJoint, path: Trajectory) -> PlanarAxes:
         [
             np.broadcast_to(axis, (len(path.times), 3))
             if name == GROUND
-            else _rotation(path.states.bodies[name]).apply(axis)
+            else _to_global(path.states.bodies[name], axis[None])
             for axis in map(pack, transverse_axes(unit(Vector(*np.asarray(along)))))
         ]
         for name, along in (

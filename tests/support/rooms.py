@@ -18,6 +18,7 @@ DOORS = (
     "laws",
     "mechanisms",
     "presets",
+    "profiles",
     "results",
 )
 """Modules through which users come in: they import from everywhere, and nobody imports them."""
