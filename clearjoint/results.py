@@ -17,9 +17,9 @@ from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotal
 from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
 from .simulation.results.observation import MotionMode as MotionMode
 from .simulation.results.observation import Observation as Observation
+from .simulation.results.solution import Crossings as Crossings
 from .simulation.results.solution import Solution as Solution
 from .simulation.results.solution import Trajectory as Trajectory
-from .simulation.run.sections import Crossings as Crossings
 from .simulation.run.sensitivities import Sensitivities as Sensitivities
 from .simulation.run.settle import Settled as Settled
 from .simulation.run.wall_impact import FreeImpact as FreeImpact

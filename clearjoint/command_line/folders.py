@@ -18,9 +18,8 @@ from ..model.scene import Scene
 from ..result_codes import RESULTS
 from ..scene_files.files import load, save
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.solution import Solution, Trajectory
+from ..simulation.results.solution import Crossings, Solution, Trajectory
 from ..simulation.results.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
-from ..simulation.run.sections import Crossings
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -103,7 +103,7 @@ def contact_wrenches(
     """
     first, second = joint.pair()
     if contact.turning is not None:
-        # Backlash about an axis: the contact transmits a moment only.
+        # A backlash about an axis is a contact that transmits a moment only.
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
                 yield name, Wrench(ZERO, turning * -normal_force)

@@ -44,8 +44,8 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     for name, family in dynamics.rows.items():
         for label, row in family.items():
             multiplier = dynamics.multipliers[name][label]
-            # Power of the reactions. On the constraint only the prescribed part (time rate)
-            # remains, which the driver supplies; the rest is due to drift and stabilisation.
+            # The power of the reactions has two parts. The driver supplies the part that belongs to
+            # the prescribed rate (`time_rate`). The rest is due to drift and stabilisation.
             book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
             if not is_zero(row.time_rate):
                 book("supplied", -multiplier * row.time_rate)

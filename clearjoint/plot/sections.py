@@ -11,7 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.run.sections import Crossings, Section
+from ..simulation.results.solution import Crossings
+from ..simulation.run.sections import Section
 from .journal import clearance_circle
 from .labels import fitting_unit, scale_axes, scaled, tick_logarithm
 from .style import BLUE, DARK, LIGHT, axes_or_new, dress, legend_above

@@ -104,7 +104,7 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
     first, second = orientations[left], orientations[left + 1]
     # Both signs of Euler parameters are the same orientation: take the nearer one.
     sign = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    # Rate of the Euler parameters p for the spin w in body axes: p (0, w)/2.
+    # The rate of the Euler parameters p is the quaternion product p (0, w)/2, where w is the spin.
     rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
     ends = Slope(first, rates[left]), Slope(sign * second, sign * rates[left + 1])
     orientation, rate = _along(*ends, x, h)

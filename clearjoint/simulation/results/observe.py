@@ -202,7 +202,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
         if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
             touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
-            # Normals in about the same direction: the journal lies on the wall along a line.
+            # If the normals have about the same direction, the journal lies on the wall along a
+            # line.
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )

@@ -1,4 +1,5 @@
-"""Results of runs: the trajectory, the solution, and the error of a run that failed."""
+"""Results of runs: trajectory, crossings of sections, solution, and the error of a run that
+failed."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -19,7 +20,6 @@ from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.bodies import State
 from ...result_codes import RESULTS, result_number
-from ..run.sections import Crossings
 from ..step.types import Numbers
 from .between_steps import instants_of_smooth_curves, states_between
 from .impact_table import Impacts
@@ -28,6 +28,8 @@ from .state_tables import state_arrays, state_labels
 if TYPE_CHECKING:
     import xarray as xr
 
+TIME = "time"
+"""Name of the column with the times of crossings. No channel may have this name."""
 SHOWN_BODIES = 6
 """Largest number of bodies whose final position and velocity `repr(solution)` shows."""
 SUCCESSFUL = result_number(RESULTS.successful)
@@ -102,6 +104,38 @@ class Trajectory(AbstractReadable, AbstractTabular):
         rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
         labels = {"time": times, **state_labels(self.states)}
         return labelled_dataset("motion", state_arrays(self.states, rows), labels)
+
+
+class Crossings(AbstractReadable, AbstractTabular):
+    """The N crossings of a Poincaré section in a run.
+
+    - `times`: (N,) s, times of the crossings.
+    - `values`: by name of a channel, (N,) values of its quantity at the crossings.
+    - `units`: by name of a channel, the unit of its values.
+
+    >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
+    >>> np.diff(crossings.times).round(6)  # the period
+    array([0.1])
+    """
+
+    times: Numbers
+    values: dict[str, Numbers]
+    units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the crossings as an `xarray.Dataset`, with a variable along "time" for each
+        channel.
+
+        "time" contains the times of the crossings, s. See `AbstractTabular` for other formats.
+        """
+        values = {
+            name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
+        }
+        times = Labelled((TIME,), self.times, "s", "time of the crossing")
+        return labelled_dataset("crossings of a section", values, {TIME: times})
+
+    def __len__(self) -> int:
+        return self.times.shape[0]
 
 
 class Solution(AbstractReadable, AbstractTabular):

@@ -113,7 +113,7 @@ class OpenContact(eqx.Module):
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
         )
-        # The onset of a contact that exists at the start of the run is unknown: it gets no row.
+        # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = OpenContact(end, begun, choose(begins, fresh, row))
         return contact, self.begun & jnp.logical_not(touches), row

@@ -9,33 +9,24 @@ every lane would otherwise have to compute them in every step.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...export.labelled import Labelled, labelled_dataset
-from ...export.tabular import AbstractTabular
 from ...fields.checks import require, require_array_names, require_count
 from ...fields.conversion import on_device
-from ...fields.readable import AbstractReadable
 from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Quantity, check_quantity
 from ...quantities.instant import Instant
+from ..results.solution import TIME, Crossings
 from ..step.dense_output import Snapshot, on_constraints
-from ..step.types import Numbers
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-TIME = "time"
-"""Name of the column with the times of crossings. No channel may have this name."""
 Channels = Mapping[str, tuple[Quantity, str]]
 """Channels by name: pairs of a quantity and the text of its unit."""
 PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
@@ -156,38 +147,6 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
-
-
-class Crossings(AbstractReadable, AbstractTabular):
-    """The N crossings of a Poincaré section in a run.
-
-    - `times`: (N,) s, times of the crossings.
-    - `values`: by name of a channel, (N,) values of its quantity at the crossings.
-    - `units`: by name of a channel, the unit of its values.
-
-    >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
-    >>> np.diff(crossings.times).round(6)  # the period
-    array([0.1])
-    """
-
-    times: Numbers
-    values: dict[str, Numbers]
-    units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
-
-    def to_xarray(self) -> "xr.Dataset":
-        """Return the crossings as an `xarray.Dataset`, with a variable along "time" for each
-        channel.
-
-        "time" contains the times of the crossings, s. See `AbstractTabular` for other formats.
-        """
-        values = {
-            name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
-        }
-        times = Labelled((TIME,), self.times, "s", "time of the crossing")
-        return labelled_dataset("crossings of a section", values, {TIME: times})
-
-    def __len__(self) -> int:
-        return self.times.shape[0]
 
 
 def with_units(

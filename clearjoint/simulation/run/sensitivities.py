@@ -29,7 +29,7 @@ from ...parametrisation.parametrised_scene import parametrised
 from ...quantities.base import Quantity, check_quantity
 from ...result_codes import RESULTS
 from ..results.impact_table import Impacts
-from ..results.solution import Trajectory, raise_failure
+from ..results.solution import Crossings, Trajectory, raise_failure
 from ..step import presets
 from ..step.settings import Settings, settings_or
 from ..step.spans import check_span, checked_times
@@ -38,7 +38,7 @@ from .progress_bars import compiling_bar
 from .run_checks import derivative_scheme
 from .sampling import padded, recorded_run
 from .saving import Saving, saving_or_nothing
-from .sections import Crossings, crossings_of, with_units
+from .sections import crossings_of, with_units
 
 if TYPE_CHECKING:
     import xarray as xr

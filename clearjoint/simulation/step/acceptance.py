@@ -118,7 +118,7 @@ def decide_step(
 
     result = _result(system, step, trial, keep, refused, t_next, controller_result, after, t_end)
     if trial.tangents is not None and may_have_undeclared_jump(system.scene):
-        # States stay right across a jump that nobody declared; derivatives do not.
+        # Across an undeclared jump the states stay correct, but the derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial, after)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     since = last.time_since_onset
@@ -208,7 +208,8 @@ def _result(
     if after:
         result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
     if refused is not None:
-        # Steps that shrink to nothing at a driver mean a kink or jump in it, not a stiff force.
+        # If steps shrink to nothing because of a driver, it has a kink or jump there. The cause is
+        # not a stiff force.
         result = RESULTS.where(stuck & refused, RESULTS.not_followed, result)
     time = one_sided_time(system, step.t, trial.t1)
     violated = system.constraints_violated(trial.outcome.y.motion, time)

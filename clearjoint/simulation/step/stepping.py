@@ -130,7 +130,7 @@ def start(
         attempts=count,
         accepted=count,
     )
-    # Every leaf becomes an array: a loop needs the same types going in and coming out.
+    # Every leaf becomes an array, because a loop returns arrays and needs the same types as input.
     return jax.tree.map(jnp.asarray, step)
 
 
@@ -211,7 +211,7 @@ def attempt(
             y=choose(keep, arrival.y, step.y),
             entry_speeds=choose(keep, arrival.entry_speeds, step.entry_speeds),
             contact_gaps=choose(keep, arrival.contact_gaps, step.contact_gaps),
-            # Selected in `_accepted_state` already.
+            # These have been selected in `_accepted_state`.
             second_rates=arrival.second_rates,
             solver_state=choose(keep, trial.outcome.solver_state, step.solver_state),
             proposal=decision.proposal,
