@@ -505,6 +505,11 @@ class Operations:
         self.loop([zero], holds, body)
 
 
+def _operator(float_name: str, name: str) -> "Callable[[Symbol, Symbol | Number], Symbol]":
+    """Return a method that adds the operation `float_name` for floats, otherwise `name`."""
+    return lambda a, b: a.emit(float_name if a.letter == "f" else name, b)
+
+
 class Symbol:
     """A value of a program, for formulas: Python's operators add operations to the program.
 
@@ -536,29 +541,14 @@ class Symbol:
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))
 
-    def __add__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("fadd" if self.letter == "f" else "add", other)
-
-    def __sub__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("fsub" if self.letter == "f" else "sub", other)
-
-    def __mul__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("fmul" if self.letter == "f" else "mul", other)
-
-    def __truediv__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("fdiv", other)
+    __add__ = _operator("fadd", "add")
+    __sub__ = _operator("fsub", "sub")
+    __mul__ = _operator("fmul", "mul")
+    __truediv__ = _operator("fdiv", "fdiv")
+    __and__, __or__, __xor__ = (_operator(name, name) for name in ("and", "or", "xor"))
 
     def __neg__(self) -> "Symbol":
         return self.emit("fneg") if self.letter == "f" else self.like(0) - self
-
-    def __and__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("and", other)
-
-    def __or__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("or", other)
-
-    def __xor__(self, other: "Symbol | Number") -> "Symbol":
-        return self.emit("xor", other)
 
     def __invert__(self) -> "Symbol":
         return self.emit("not")
