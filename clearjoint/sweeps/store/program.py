@@ -69,11 +69,13 @@ def programs(
     row = Snapshot(now.t, now.y, now.entry_speeds)
     tallies = jax.eval_shape(traced.tallies, numbers, row)
     outputs = fingerprints(traced.read, numbers, row, row, tallies)
+    run = {RUN: digest(start.digests[RUN], step.digests[RUN])}
+    if not plan.impacts:
+        return run | outputs.digests
     # Records of impacts change the lane, so that they are traced in a lane of their own: a table
     # that is added must not change the digest of the run.
     with_contacts = jax.eval_shape(traced.begin_with_impacts, numbers, state, time, 1.0)
     tables = fingerprints(traced.impact_tables, numbers, with_contacts, 1.0)
-    run = {RUN: digest(start.digests[RUN], step.digests[RUN])}
     return run | outputs.digests | tables.digests
 
 
