@@ -7,8 +7,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -149,7 +151,7 @@ def killing_itself(folder: Path):
 
 
 def test_broken_pool_is_reported_and_another_one_resumes(store, tmp_path, processes):
-    with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
+    with ProcessPoolExecutor(1, mp_context=SPAWN) as executor:
         with pytest.raises(ChunkError, match="worker process died") as raised:
             swept(killing_itself(tmp_path), executor, store)
         assert isinstance(raised.value.__cause__, BrokenProcessPool)
@@ -427,25 +429,32 @@ def test_worker_where_jax_has_started_takes_the_settings_over():
     assert done.stdout.split() == ["float64", "0"]
 
 
-@pytest.fixture(scope="module")
-def dask_client(tmp_path_factory):
-    """Two worker processes, each with a nanny that starts another one when it dies."""
+@contextmanager
+def dask_client(folder: Path, workers: int) -> Iterator[Any]:
+    """A client of worker processes, each with a nanny that starts another one when it dies."""
     distributed = pytest.importorskip(
         "distributed", reason="Dask is not installed: pip install 'clearjoint[cluster]'"
     )
     cluster = distributed.LocalCluster(
-        n_workers=2,
+        n_workers=workers,
         threads_per_worker=1,
         processes=True,
         dashboard_address=None,
-        local_directory=str(tmp_path_factory.mktemp("dask")),
+        local_directory=str(folder),
     )
     with cluster, distributed.Client(cluster) as client:
         yield client
 
 
-def test_dask_workers_get_the_settings_of_this_process(dask_client):
-    get_the_settings_of_this_one(dask_client)
+def test_dask_workers_get_the_settings_of_this_process(tmp_path):
+    with dask_client(tmp_path, 1) as client:
+        get_the_settings_of_this_one(client)
+
+
+@pytest.fixture(scope="module")
+def two_dask_workers(tmp_path_factory):
+    with dask_client(tmp_path_factory.mktemp("dask"), 2) as client:
+        yield client
 
 
 def waiting_to_be_killed(folder: Path):
@@ -471,10 +480,10 @@ def kill(file: Path) -> None:
 
 
 @pytest.mark.slow
-def test_dask_survives_a_worker_killed_in_mid_chunk(dask_client, store, tmp_path):
+def test_dask_survives_a_worker_killed_in_mid_chunk(two_dask_workers, store, tmp_path):
     killer = threading.Thread(target=kill, args=(tmp_path / "pid",), daemon=True)
     killer.start()
-    swept(waiting_to_be_killed(tmp_path), dask_client, store)
+    swept(waiting_to_be_killed(tmp_path), two_dask_workers, store)
     killer.join(timeout=1)
     assert not killer.is_alive()
     begun = (tmp_path / "begun").read_text().split()
@@ -483,7 +492,7 @@ def test_dask_survives_a_worker_killed_in_mid_chunk(dask_client, store, tmp_path
 
 
 @pytest.mark.slow
-def test_dask_repeats_a_chunk_that_failed(dask_client, store, tmp_path):
+def test_dask_repeats_a_chunk_that_failed(two_dask_workers, store, tmp_path):
     def task(chunk):
         attempt = tmp_path / f"{chunk} {time.monotonic_ns()}"
         attempt.touch()
@@ -492,6 +501,6 @@ def test_dask_repeats_a_chunk_that_failed(dask_client, store, tmp_path):
         return results_of(chunk)
 
     with pytest.raises(ChunkError, match="Chunk 7 failed: FloatingPointError: lane 7"):
-        swept(task, dask_client, store)
+        swept(task, two_dask_workers, store)
     assert len(list(tmp_path.glob("7 *"))) == 1 + RETRIES
     assert {7} <= set(store.missing()) <= {7, 8, 9, 10, 11}

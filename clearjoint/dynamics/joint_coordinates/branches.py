@@ -301,10 +301,11 @@ def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch
         if not isinstance(joint, AbstractConstraint):
             continue
         bodies = joint.body_names()
-        if len(bodies) == 2 and parent in bodies:
-            body = bodies[1] if parent == bodies[0] else bodies[0]
-            motion_subspace = joint.motion_subspace(parent)
-            if motion_subspace is not None and body not in placed:
-                placed.add(body)
-                children.append(JointedBranch(body, parent, name, motion_subspace))
+        if len(bodies) != 2 or parent not in bodies:
+            continue
+        body = bodies[1] if parent == bodies[0] else bodies[0]
+        # Asked last: the subspace takes operations that JAX traces.
+        if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:
+            placed.add(body)
+            children.append(JointedBranch(body, parent, name, subspace))
     return children

@@ -76,6 +76,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         del t1
         return terms.vf(t0, y0, args)
 
+    def information_like(self, y: Y) -> "DenseInformation":
+        """Return data for dense output of the same structure as those of a step of `y`."""
+        return {"y0": y, "y1": y, "stages": (y,) * self.method.tableau.num_stages}
+
     def step(
         self,
         terms: diffrax.ODETerm,

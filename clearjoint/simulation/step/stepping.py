@@ -57,7 +57,7 @@ from .step_state import (
     choose,
 )
 from .systems import SystemFamily
-from .trial_step import Trial, error_order, term_of, try_step
+from .trial_step import Trial, error_order, term_of, time_map_of, try_step
 
 Shapes = TypeVar("Shapes")
 
@@ -427,8 +427,24 @@ def blank_attempt(
 
     **Arguments:** as those of `attempt`; `attempt`: the function that tries a step.
     """
-    shapes = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
-    zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
+    if isinstance(method.solver, UnrolledExplicit):
+        # To trace an attempt only for its shapes would take as long as tracing the whole loop.
+        inside = None
+        if step.tangents is not None:
+            information = method.solver.information_like(step.tangents.y)
+            inside = TangentsInside(step.tangents.entry_speeds, information)
+        example = Attempt(
+            step=step,
+            kept=False,
+            t_start=step.t,
+            entry_speeds_start=step.entry_speeds,
+            information=method.solver.information_like(step.y),
+            time_map=time_map_of(method, step, step.t),
+            tangents=inside,
+        )
+    else:
+        example = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
+    zeros = jax.tree.map(lambda s: jnp.zeros(jnp.shape(s), jnp.result_type(s)), example)
     return replace(zeros, step=step)
 
 

@@ -169,11 +169,13 @@ def programs(
     now = lane.run.step
     row = Snapshot(now.t, now.y, now.entry_speeds)
     outputs = fingerprints(read, numbers, row, row, jax.eval_shape(tallies_of, numbers, row))
+    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
+    if not plan.impacts:
+        return run | outputs.digests
     # Records of impacts change the lane, so that they are traced in a lane of their own: a table
     # that is added must not change the digest of the run.
     with_contacts = jax.eval_shape(lambda *given: begin(with_impacts, *given), *given)
     tables = fingerprints(impact_tables, numbers, with_contacts, 1.0)
-    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
     return run | outputs.digests | tables.digests
 
 
