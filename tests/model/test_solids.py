@@ -95,6 +95,7 @@ def test_measures_may_be_design_variables():
         (lambda: cj.Body.box((1, 1, 1), mass=1, density=1), r"`mass`.*\['mass', 'density'\]"),
         (lambda: cj.Body.rod(-1.0, mass=2.0), "`length` must be positive.*in m"),
         (lambda: cj.Body.rod(0.1, mass=2e3), "`mass`.*longer than thick.*diameter"),
+        (lambda: cj.Body.rod(0.5, mass=800.0), "`mass`.*longer than thick.*diameter"),
         (lambda: cj.Body.rod(0.1, mass=1.0, axis="X"), r"`axis`.*\('x', 'y', 'z'\)"),
         (
             lambda: cj.Body.cylinder(0.1, 0.1, mass=1.0, inner_diameter=0.1),

@@ -13,6 +13,7 @@ import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
+from clearjoint.simulation.step.breakpoint_events import _mean_time
 from clearjoint.simulation.step.discontinuity_analysis import compares_time
 from tests.support.planes import Plane
 
@@ -228,6 +229,13 @@ def test_derivatives_along_the_times_of_switched_forces():
 
 
 @pytest.mark.slow
+def test_drivers_that_change_together_have_the_mean_of_their_times():
+    since = {"a": (True, jnp.asarray(2.0)), "b": (True, jnp.asarray(4.0))}
+    none = {"c": (False, jnp.asarray(0.0))}
+    assert float(_mean_time({**since, **none})) == 3.0
+    assert float(_mean_time(none)) == 0.0
+
+
 def test_forward_derivatives_of_a_run_contain_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 
