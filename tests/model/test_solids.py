@@ -55,6 +55,9 @@ def test_spheres_are_those_of_their_slices():
     np.testing.assert_allclose(hollow.inertia, about, rtol=1e-12)
     full = cj.Body.sphere(0.1, mass=2.0)
     np.testing.assert_allclose(full.inertia, 0.4 * 2.0 * 0.05**2, rtol=1e-14)
+    assert full.gyration_radius() == pytest.approx(math.sqrt(0.6) * 0.05, rel=1e-14)
+    by_matrix = cj.Body(full.mass, np.diag(full.inertia))
+    assert by_matrix.gyration_radius() == pytest.approx(full.gyration_radius(), rel=1e-14)
 
 
 def test_boxes_are_put_together_of_smaller_ones():
