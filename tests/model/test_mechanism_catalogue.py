@@ -236,7 +236,7 @@ def test_gears_start_in_the_middle_of_the_play():
     np.testing.assert_allclose([float(d) for d in flanks.values()], -half, rtol=1e-9)
     assert violation(scene, state) == (0.0, 0.0)
     radii = 0.5 * 3e-3 * np.array([20, 50])
-    assert float(state.bodies["wheel"].position[0]) == pytest.approx(radii.sum(), rel=1e-15)
+    np.testing.assert_allclose(state.bodies["wheel"].position, (radii.sum(), 0, 0), rtol=1e-15)
     for body, radius in zip(scene.bodies.values(), radii, strict=True):
         disc = cj.Body.cylinder(2.0 * radius, 20e-3, density=7850.0)
         assert float(body.mass) == pytest.approx(float(disc.mass), rel=1e-14)
