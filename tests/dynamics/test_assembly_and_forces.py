@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.dynamics.constraint_report import start_rows
 
 
 def test_assembly_satisfies_positions_and_velocities():
@@ -33,6 +34,18 @@ def test_rows_of_the_jacobian_are_those_of_their_names():
     for name, row in zip(report.names, report.jacobian, strict=True):
         translates, tilts = np.abs(row[:3]).sum() > 0, np.abs(row[3:]).sum() > 0
         assert (translates, tilts) == ("translation" in name, "tilt" in name), name
+
+
+def test_redundant_constraints_are_found_from_rows_of_unit_norm():
+    """The rows of a hinge far from the centre of mass are long."""
+    z, point = (0, 0, 1), (3.0, 0, -2.0)
+    hinge = cj.RevoluteJoint("ground", "rotor", point, point, z, z)
+    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
+    state = cj.State({"rotor": cj.body_state((0, 0, 0))})
+    rows = start_rows(scene, cj.AbsoluteCoordinates(), state, 0.0)
+    lengths = np.linalg.norm(rows.jacobian, axis=1)
+    assert lengths.max() > 3.0
+    np.testing.assert_allclose(rows.left * lengths[:, None], rows.jacobian, atol=1e-14)
 
 
 def test_spring_and_damper_oscillate_as_in_the_closed_form():

@@ -425,6 +425,22 @@ def test_joints_of_one_hub_are_grouped():
     assert names == {tuple(f"rod {k}" for k in range(2, 7)), tuple(spokes)}
 
 
+def test_joints_with_rows_are_not_grouped_even_between_the_same_bodies():
+    def pinned(axial):
+        pins = {
+            f"pin {k}": cj.ClearanceJoint(
+                "rod 1", "rod 2", bearing_radius=1e-2, clearance=(4 + 0.1 * k) * 1e-4,
+                journal_length=2e-2, law=cj.laws.Hertz(1e9), axial=axial,
+            )
+            for k in range(4)
+        }  # fmt: skip
+        rods = {name: cj.Body(1.0, (0.1, 0.1, 0.1)) for name in ("rod 1", "rod 2")}
+        return cj.Scene(rods, pins)
+
+    assert grouped_names(pinned(cj.FreeAxially())) == {tuple(f"pin {k}" for k in range(4))}
+    assert grouped_names(pinned(cj.FixedAxially())) == set()
+
+
 def test_the_original_scene_is_restored_from_a_condensed_one():
     scene = unpack(fold_constants(uneven(8, friction=ROUGH)[0]))
     again = whole(condensed(scene))

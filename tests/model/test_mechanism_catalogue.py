@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint.dynamics.journals import contact_depths
 from clearjoint.dynamics.multipliers import row_rate
 from clearjoint.math.vectors import unpack
 from clearjoint.model.mechanisms.four_bars import LENGTHS, MASSES, PINS
@@ -180,3 +182,124 @@ def test_clearance_moves_the_four_bar_by_a_similar_distance():
     expected = [freudenstein(0.9 + 20.0 * t) for t in np.linspace(0.0, 0.05, 26)]
     off = np.abs(turn(solution.states.bodies["rocker"]) - expected).max()
     assert 1e-6 < off < 1e-3
+
+
+PLAY = 1e-4
+STARTS = {
+    "double pendulum": (cj.mechanisms.double_pendulum, PLAY),
+    "slider-crank": (lambda play: cj.mechanisms.slider_crank(play, angle=0.7, speed=30.0), PLAY),
+    "guided": (lambda play: cj.mechanisms.guided_slider_crank(play, speed=20.0), PLAY),
+    "guided, pin": (lambda play: cj.mechanisms.guided_slider_crank(None, play, speed=20.0), PLAY),
+    "quick return": (lambda play: cj.mechanisms.quick_return(play, angle=0.3), PLAY / 2),
+    "spatial four-bar": (lambda play: cj.mechanisms.spatial_four_bar(play, speed=40.0), PLAY),
+    "robot arm": (
+        lambda play: cj.mechanisms.robot_arm(play, angles=(0.3, -0.2, 0.5), speeds=(2, -1, 3)),
+        0.05 * PLAY / 2,
+    ),
+}
+"""Mechanisms by their play, ``None`` for none, and the distance from the middle to the wall, m."""
+
+
+@pytest.mark.parametrize(("mechanism", "distance"), STARTS.values(), ids=STARTS)
+def test_mechanisms_start_in_the_motion_of_the_ideal_one_with_centred_journals(mechanism, distance):
+    ideal, state = mechanism(None)
+    value, rate = violation(ideal, state)
+    assert value < 1e-14 and rate < 1e-13
+    scene, start = mechanism(PLAY)
+    value, rate = violation(scene, start)
+    assert value < 1e-14 and rate < 1e-13
+    for name in ideal.bodies:
+        for part in ("position", "velocity", "orientation", "spin"):
+            same = getattr(start.bodies[name], part), getattr(state.bodies[name], part)
+            np.testing.assert_array_equal(*same)
+    for family in contact_depths(scene, start.bodies).values():
+        assert max(map(float, family.values())) == pytest.approx(-distance, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "redundant"), [("bricard", 1), ("double_four_bar", 6)])
+def test_benchmarks_start_closed_with_one_degree_of_freedom(name, redundant):
+    scene, state = getattr(cj.mechanisms, name)()
+    value, rate = violation(scene, state)
+    assert value < 1e-15 and rate < 1e-15
+    report = cj.constraint_report(scene, state)
+    assert len(report.redundant) == redundant and report.degrees_of_freedom() == 1
+    if name == "double_four_bar":
+        tips = [state.bodies[f"rod {k}"] for k in (2, 4)]
+        np.testing.assert_array_equal([tip.velocity for tip in tips], [(1.0, 0.0, 0.0)] * 2)
+
+
+def test_gears_start_in_the_middle_of_the_play():
+    """Half the backlash along the pitch circle, along the line of action at 20 degrees."""
+    scene, state = cj.mechanisms.gear_pair(PLAY, speeds=(3.0, 4.0))
+    (flanks,) = contact_depths(scene, state.bodies).values()
+    half = 0.5 * PLAY * np.cos(np.radians(20.0))
+    np.testing.assert_allclose([float(d) for d in flanks.values()], -half, rtol=1e-9)
+    assert violation(scene, state) == (0.0, 0.0)
+    radii = 0.5 * 3e-3 * np.array([20, 50])
+    np.testing.assert_allclose(state.bodies["wheel"].position, (radii.sum(), 0, 0), rtol=1e-15)
+    for body, radius in zip(scene.bodies.values(), radii, strict=True):
+        disc = cj.Body.cylinder(2.0 * radius, 20e-3, density=7850.0)
+        assert float(body.mass) == pytest.approx(float(disc.mass), rel=1e-14)
+        np.testing.assert_allclose(body.inertia, disc.inertia, rtol=1e-14)
+
+
+RODS = {
+    "four_bar": {"crank": 0.1, "coupler": 0.3, "rocker": 0.25},
+    "quick_return": {"crank": 0.05, "lever": 0.25},
+    "double_four_bar": {f"rod {k}": 1.0 for k in range(1, 6)},
+}
+
+
+@pytest.mark.parametrize("name", RODS)
+def test_rods_are_slender(name):
+    scene, _ = getattr(cj.mechanisms, name)()
+    for rod, length in RODS[name].items():
+        body = scene.bodies[rod]
+        across = float(body.mass) * length**2 / 12.0
+        np.testing.assert_allclose(body.inertia[1:], across, rtol=1e-14)
+
+
+def test_bars_of_the_spatial_four_bar_are_cylinders():
+    bodies = cj.mechanisms.spatial_four_bar()[0].bodies
+    bars = {"crank": (0.02, 0.1960, "y"), "coupler": (0.122, 1.4158, "x")}
+    for name, (length, mass, axis) in (bars | {"rocker": (0.074, 0.3157, "y")}).items():
+        bar = cj.Body.cylinder(20e-3, length, mass=mass, axis=axis)
+        assert float(bodies[name].mass) == mass
+        np.testing.assert_allclose(bodies[name].inertia, bar.inertia, rtol=1e-14)
+
+
+GRAVITY = {
+    "double_pendulum": (0.0, 9.81, 0.0),
+    "guided_slider_crank": (0.0, -9.81, 0.0),
+    "rotor_in_bearing": (0.0, -9.81, 0.0),
+    "spatial_four_bar": (0.0, 0.0, -9.81),
+    "robot_arm": (0.0, 0.0, -9.81),
+    "bricard": (0.0, -9.81, 0.0),
+    "double_four_bar": (0.0, -9.81, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", GRAVITY)
+def test_gravity_is_as_described(name):
+    scene, _ = getattr(cj.mechanisms, name)()
+    np.testing.assert_array_equal(scene.gravity, GRAVITY[name])
+
+
+def test_gravity_loads_the_robot_s_nominal_pose_as_published():
+    """The moments of the links' weights about the hinges: 0, 31.6399 and 6.0351 N m."""
+    scene, state = cj.mechanisms.robot_arm(None)
+    moments = []
+    for k in range(3):
+        joint, parent = scene.joints[f"joint {k + 1}"], f"link {k}"
+        at, axes = np.zeros(3), np.eye(3)
+        if k > 0:
+            body = state.bodies[parent]
+            axes = Rotation.from_quat(np.roll(body.orientation, -1)).as_matrix()
+            at = np.asarray(body.position)
+        hinge, axis = at + axes @ joint.point_first, axes @ joint.axis_first
+        weights = [
+            np.cross(state.bodies[link].position - hinge, float(body.mass) * scene.gravity)
+            for link, body in list(scene.bodies.items())[k:]
+        ]
+        moments.append(-np.sum(weights, axis=0) @ axis)
+    np.testing.assert_allclose(moments, [0.0, 31.6399, 6.0351], atol=1e-4)

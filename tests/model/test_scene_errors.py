@@ -543,3 +543,15 @@ def test_values_under_a_transformation_pass():
     """Checks need values; a traced one has none yet."""
     masses = jax.vmap(lambda mass: Body(mass, (1.0, 1.0, 1.0)).mass)(np.array([1.0, -1.0]))
     np.testing.assert_array_equal(masses, [1.0, -1.0])
+
+
+def test_distances_of_points_are_not_checked_from_bodies_with_traced_numbers():
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (1e3, 0, 0), stiffness=100.0)
+
+    def mass_of(mass):
+        body = cj.Body(mass, (1e-3, 1e-3, 1e-3))
+        return cj.Scene({"ball": body}, forces={"spring": spring}).bodies["ball"].mass
+
+    assert jax.eval_shape(mass_of, 1.0).shape == ()
+    with pytest.warns(cj.UnusualValueWarning, match="from the centre of mass"):
+        mass_of(1.0)

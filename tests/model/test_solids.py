@@ -55,6 +55,9 @@ def test_spheres_are_those_of_their_slices():
     np.testing.assert_allclose(hollow.inertia, about, rtol=1e-12)
     full = cj.Body.sphere(0.1, mass=2.0)
     np.testing.assert_allclose(full.inertia, 0.4 * 2.0 * 0.05**2, rtol=1e-14)
+    assert full.gyration_radius() == pytest.approx(math.sqrt(0.6) * 0.05, rel=1e-14)
+    by_matrix = cj.Body(full.mass, np.diag(full.inertia))
+    assert by_matrix.gyration_radius() == pytest.approx(full.gyration_radius(), rel=1e-14)
 
 
 def test_boxes_are_put_together_of_smaller_ones():
@@ -95,6 +98,7 @@ def test_measures_may_be_design_variables():
         (lambda: cj.Body.box((1, 1, 1), mass=1, density=1), r"`mass`.*\['mass', 'density'\]"),
         (lambda: cj.Body.rod(-1.0, mass=2.0), "`length` must be positive.*in m"),
         (lambda: cj.Body.rod(0.1, mass=2e3), "`mass`.*longer than thick.*diameter"),
+        (lambda: cj.Body.rod(0.5, mass=800.0), "`mass`.*longer than thick.*diameter"),
         (lambda: cj.Body.rod(0.1, mass=1.0, axis="X"), r"`axis`.*\('x', 'y', 'z'\)"),
         (
             lambda: cj.Body.cylinder(0.1, 0.1, mass=1.0, inner_diameter=0.1),

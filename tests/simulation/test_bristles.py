@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,7 +11,9 @@ from scipy.integrate import solve_ivp
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import unpack
+from clearjoint.math.vectors import Vector, unpack
+from clearjoint.simulation.step.step_state import Variables
+from clearjoint.simulation.step.stepping import _initial_ledger
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities
@@ -187,6 +190,19 @@ def test_deflections_are_zero_in_flight_and_at_each_onset():
     assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
     assert (sizes[heights < -1e-9] > 0.0).all() and (heights < -1e-9).any()
     assert np.abs(deflections(solution)[:, 2]).max() == 0.0
+
+
+def test_a_ledger_without_integrals_starts_at_the_energy_stored_in_the_bristles():
+    """Springs of the stiffness times the normal force, with half their work stored."""
+    scene, state = block(cj.frictions.Dahl(0.3, 1e4))
+    system = System.of(unpack(scene), Formulation(ledger=True))
+    bristles = {"floor": {"belt": Vector(3e-6, -4e-6, 0.0)}}
+    motion = system.encode(unpack(state.bodies))
+    time = jnp.zeros(())
+    work = _initial_ledger(system, time, Variables(motion, {}, bristles), {}, False)
+    assert float(work["friction"]) == pytest.approx(0.5 * WEIGHT * 1e4 * 5e-6**2, rel=1e-9)
+    given = Variables(motion, {"friction": 0.7}, bristles)
+    assert float(_initial_ledger(system, time, given, {}, False)["friction"]) == 0.7
 
 
 def test_run_without_bristles_has_none():

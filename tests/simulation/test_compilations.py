@@ -332,6 +332,17 @@ def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
     assert starts.count() - before <= 1
 
 
+def test_the_first_starts_of_a_structure_are_checked_without_a_program():
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state, own = cj.State({"ball": cj.body_state((0.1, 0, 0))}), type(starts)()
+    found = []
+    for _ in range(BY_NUMPY + 2):
+        redundant = own.redundant(scene, state, 0.0, cj.AbsoluteCoordinates())
+        found.append((redundant, own.count()))
+    assert found == [(None, 0)] * BY_NUMPY + [((), 1)] * 2
+
+
 def test_a_number_of_a_class_that_converts_none_stays_part_of_the_program():
     repeated = with_arrays({"own": Repeated(3, True), "state": cj.State({}, work={"air": 2})})
     assert repeated["own"].times == 3 and repeated["own"].flag is True

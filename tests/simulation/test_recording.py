@@ -119,3 +119,13 @@ def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
     assert float(peak.fraction) == pytest.approx(0.3, abs=2e-3)
     over = float(end_in_step(law, start, end, length))
     assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)
+
+
+def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed():
+    law = cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6)
+    for depth, touches in ((-0.5e-6, True), (-2e-6, False), (0.5e-6, True)):
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(0.1))
+        assert bool(ContactInstant(gap, jnp.zeros(()), None).touches(law)) == touches
+        for speed in (0.0, 0.1):
+            instant = ContactInstant(gap, jnp.zeros(()), jnp.asarray(speed))
+            assert bool(instant.touches(law)) == (speed > 0.0)

@@ -13,7 +13,10 @@ import clearjoint as cj
 from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
+from clearjoint.model.joints.base import Contact
+from clearjoint.simulation.step.breakpoint_events import _mean_time
 from clearjoint.simulation.step.discontinuity_analysis import compares_time
+from clearjoint.simulation.step.saltation import _mean_force
 from tests.support.planes import Plane
 
 Q = cj.quantities
@@ -228,6 +231,56 @@ def test_derivatives_along_the_times_of_switched_forces():
 
 
 @pytest.mark.slow
+class Step(cj.extend.AbstractContactLaw):
+    """A force that begins at 60 N with the slope 1e5 N/m; what jumps there is declared."""
+
+    force_jumps: bool = True
+    slopes_jump: bool = True
+    uses_entry_speed = False
+
+    def slope_jumps(self):
+        return self.slopes_jump
+
+    def force(self, gap, entry_speed):
+        return self.elastic_force(gap)
+
+    def elastic_force(self, gap):
+        return jnp.where(gap.depth > 0.0, 60.0 + 1e5 * gap.depth, 0.0)
+
+    def stored_energy(self, gap):
+        return 60.0 * gap.depth + 0.5e5 * gap.depth**2
+
+
+@pytest.mark.parametrize(
+    ("jumps", "inside", "past"),
+    [
+        # Where the force jumps, its value; where its slope does, the mean with that at the wall.
+        ((True, False), 160.0, 60.0),
+        ((False, True), 80.0, None),
+        ((True, True), 0.5 * (160.0 + 60.0), None),
+    ],
+)
+def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past):
+    law = Step(*jumps)
+    plane = Plane("ball", ((0.0, 0.0, 0.0),), (1.0, 0.0, 0.0), 0.0, law)
+
+    def mean(depth):
+        gap = cj.extend.Gap(depth, 0.1)
+        contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, None)
+        return float(_mean_force(plane, "point 0", contact, None, {}, {}).normal_force)
+
+    assert mean(1e-3) == pytest.approx(inside, rel=1e-12)
+    if past is not None:
+        assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
+
+
+def test_drivers_that_change_together_have_the_mean_of_their_times():
+    since = {"a": (True, jnp.asarray(2.0)), "b": (True, jnp.asarray(4.0))}
+    none = {"c": (False, jnp.asarray(0.0))}
+    assert float(_mean_time({**since, **none})) == 3.0
+    assert float(_mean_time(none)) == 0.0
+
+
 def test_forward_derivatives_of_a_run_contain_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 

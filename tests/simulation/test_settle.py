@@ -9,6 +9,7 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
+from clearjoint.simulation.run import settle
 from clearjoint.simulation.run.settle import Strobe, columns, section_strobe, stillness, strobe_of
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -73,6 +74,7 @@ def test_crossings_are_compared_by_their_channels_and_waits():
     assert section_strobe(times, [flips]).multiple(4, 1e-9) == 2
     assert section_strobe(times, [np.abs(flips)]).multiple(4, 1e-9) == 2
     assert section_strobe(np.arange(20.0), [np.abs(flips)]).multiple(4, 1e-9) == 1
+    assert section_strobe(np.arange(20.0), [1e-3 * flips]).multiple(4, 1e-2) == 2
     assert section_strobe(np.zeros(0), [np.zeros(0)]).multiple(4, 1e-9) is None
 
 
@@ -103,6 +105,19 @@ def test_what_can_not_settle_is_told(case):
     options, message = MISTAKEN[case]
     with pytest.raises(ValueError, match=message):
         cj.settle(*cj.mechanisms.double_pendulum(), **options)
+
+
+@pytest.mark.parametrize("progress", [True, False])
+def test_a_bar_is_shown_if_progress_is_wanted(progress, monkeypatch):
+    class Shown(Exception):  # noqa: N818 (it ends the run before its first step)
+        pass
+
+    def shown(**options):
+        raise Shown(options["disable"])
+
+    monkeypatch.setattr(settle, "ProgressBar", shown)
+    with pytest.raises(Shown, match=str(not progress)):
+        cj.settle(*pendulum(), period=1.0, progress=progress)
 
 
 def pendulum(*dampers):

@@ -57,6 +57,23 @@ def wave(now):
     return jnp.sin(W * now.time)
 
 
+@pytest.mark.parametrize(
+    ("after", "until", "part"),
+    [
+        (0.2, 0.5, (0.125, 0.5)),
+        (None, 0.5, (0.0, 0.5)),
+        (0.2, None, (0.125, 1.0)),
+        (None, 0.05, (0.0, 0.0)),
+        (1.0, None, (1.0, 1.0)),
+    ],
+)
+def test_the_part_of_a_step_that_is_in_a_window(after, until, part):
+    found = Window(after, until).fractions(jnp.asarray(0.1), jnp.asarray(0.9))
+    assert [float(x) for x in found] == pytest.approx(part, rel=1e-15)
+    assert bool(Window(after, until).holds(0.2)) == (after != 1.0 and until != 0.05)
+    assert bool(Window(after, until).holds(0.5)) == (until is None and after != 1.0)
+
+
 def reduced(reductions: dict) -> dict:
     """Results of the reductions for the synthetic run, by their keys; one program for all."""
 

@@ -161,14 +161,11 @@ class Statistics(AbstractQuantityReduction):
     """
 
     def start(self, now: Instant) -> StatisticsTally:
-        """Return the tally at the start of the run, with integrals of zero. If the start is outside
-        of the window, the smallest value is infinity and the largest one minus infinity."""
+        """Return the tally at the start of the run: integrals of zero and infinite extremes, since
+        the first step includes its start."""
         value = self._value(now)
-        zero = jnp.zeros_like(value)
-        window = self._window()
-        inside = (now.time >= window.start) & (now.time <= window.end)
-        extremes = jnp.where(inside, value, jnp.inf), jnp.where(inside, value, -jnp.inf)
-        return (now.time, value), (zero, zero, zero), extremes
+        zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
+        return (now.time, value), (zero, zero, zero), (infinite, -infinite)
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
         """Return the tally after a step, with the part of the step that is in the window added."""

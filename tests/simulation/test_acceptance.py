@@ -1,0 +1,39 @@
+"""Result codes of trial steps."""
+
+from types import SimpleNamespace
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.simulation.step import acceptance
+
+ULP = np.spacing(1.0)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "end", "expected"),
+    [
+        (ULP, 2.0, "step_too_small"),
+        (2 * ULP, 2.0, "step_too_small"),
+        (4 * ULP, 2.0, "successful"),
+        (ULP, 1.0, "successful"),
+    ],
+)
+def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
+    """A step ends at 1 s, and the next one `ahead` of that; at the end of the run it is not
+    taken."""
+    monkeypatch.setattr(acceptance, "one_sided_time", lambda system, start, t: t)
+    now, success = jnp.asarray(1.0), diffrax.RESULTS.successful
+    system = SimpleNamespace(constraints_violated=lambda motion, t: None)
+    outcome = SimpleNamespace(y=SimpleNamespace(motion=None))
+    trial = SimpleNamespace(
+        t1=now, finite=jnp.asarray(True), outcome=outcome, solver_result=success
+    )
+    step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
+    found = acceptance._result(
+        system, step, trial, jnp.asarray(True), None, now + ahead, success, {}, jnp.asarray(end)
+    )
+    assert bool(found == getattr(cj.RESULTS, expected))
