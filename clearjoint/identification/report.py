@@ -21,6 +21,8 @@ GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
 """Number of pieces of the record, to find the piece where the run departs from the data."""
+DOUBLINGS = 5
+"""Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
 FEW = 0.02
@@ -138,7 +140,7 @@ def remedies(
         )
     yield from _delays(measurements, parameters, predictions, residuals)
     yield from _outliers(measurements, residuals)
-    yield from _shorter_records(measurements, residuals, horizon)
+    yield from _shorter_records(measurements, residuals, horizon, len(best.windows))
     if len(searches) == 1 and not screened:
         yield (
             "Search from several starts, by starts=cj.Starts(8). If impacts make chi squared "
@@ -212,8 +214,12 @@ def _outliers(measurements: Measurements, residuals: Mapping[str, np.ndarray]) -
 
 
 def _shorter_records(
-    measurements: Measurements, residuals: Mapping[str, np.ndarray], horizon: FitHorizon | None
+    measurements: Measurements,
+    residuals: Mapping[str, np.ndarray],
+    horizon: FitHorizon | None,
+    windows: int,
 ) -> Iterator[str]:
+    """Yield sentences on shorter records; `windows`: number of windows that have been fitted."""
     times = np.concatenate([np.asarray(s.times) for s in measurements.series.values()])
     rows = np.concatenate([residuals[name] for name in measurements.series])
     edges = np.linspace(times.min(), times.max(), PIECES + 1)
@@ -223,12 +229,22 @@ def _shorter_records(
     bad = (k for k, inside in enumerate(pieces) if _rms(rows[inside]) > FAR)
     until = float(edges[next(bad, PIECES)])
     if until == start:
-        first = start + (end - start) / PIECES
-        yield (
-            "The run deviates from the data from the first samples on: fit only the data up to "
-            f"{first:.4g} s, by measurements.between({start:.4g}, {first:.4g}). If that fails "
-            "too, the scene, the initial state or a unit is wrong, not the value of a parameter."
-        )
+        length = (end - start) / PIECES
+        wrong = "the scene, the initial state or a unit is wrong, not the value of a parameter"
+        if windows > 1:
+            yield (
+                "The run deviates from the data from the first samples on, although windows of the "
+                "record were fitted first: begin with a shorter one, by grow=("
+                f"{start + length:.4g}, ...). If that fails too, {wrong}."
+            )
+        else:
+            grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
+            yield (
+                "The run deviates from the data from the first samples on: fit growing windows of "
+                "the record, from which a search converges from farther away, by "
+                f"identify(..., grow=({grow})). If the data up to {start + length:.4g} s do not "
+                f"fit either, {wrong}."
+            )
     elif until < end:
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
         grow = ", ".join(f"{one:.4g}" for one in ends)

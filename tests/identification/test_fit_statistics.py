@@ -256,9 +256,17 @@ def test_advice_to_grow_windows_where_the_run_deviates():
     assert f"1. {fit.advice[0]}" in str(fit)
 
 
-def test_advice_to_check_the_scene_where_the_first_samples_deviate():
+def test_advice_to_grow_windows_and_check_the_scene_where_the_first_samples_deviate():
     fit = with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
-    assert any("from the first samples on" in sentence for sentence in fit.advice)
+    (advice,) = [sentence for sentence in fit.advice if "from the first samples on" in sentence]
+    first, end = TIMES[0], TIMES[-1]
+    ends = [float(one) for one in advice.split("grow=(")[1].split(")")[0].split(", ")]
+    np.testing.assert_allclose(ends, first + (end - first) * np.array([1, 2, 4, 8, 16]) / 20, 1e-3)
+    assert "the scene, the initial state or a unit is wrong" in advice
+    search = dataclasses.replace(fit.best, windows=fit.best.windows * 2)
+    again = dataclasses.replace(fit, best=search, searches=(search,)).advice
+    (advice,) = [sentence for sentence in again if "from the first samples on" in sentence]
+    assert "were fitted first" in advice and f"grow=({ends[0]:.4g}, ...)" in advice
 
 
 def test_white_residuals_are_noise():
