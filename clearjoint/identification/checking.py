@@ -39,6 +39,9 @@ FEWEST_POINTS, POINTS, REFINEMENT, MOST_RUNS = 32, 0.25, 7, 75
 """Least number of points that find the posterior. Relative to the number of points in the first
 round of the exploration: the number of these points, of runs of the importance sampling after that,
 and of all runs that the posterior may take."""
+MARGIN = 4.0
+"""Half the width of the posterior's box, relative to the largest distance of explored points whose
+chi squared is low from the lowest minimum. Steps of the posterior grow with the box."""
 EFFECTIVE = 50.0
 """Effective number of points below which a posterior is not used."""
 
@@ -171,11 +174,21 @@ def check(
             descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
         count += len(explored.points) + sum(search.evaluations for search in searches)
         if explored.lowest <= likely:
-            box = lowest.coordinates - farthest, lowest.coordinates + farthest
+            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+            box = lowest.coordinates - half, lowest.coordinates + half
             posterior = _small_posterior(lanes, parameters, units, box, number, explored.lowest)
     seconds = time.perf_counter() - started
     found = tuple(searches)
     return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
+
+
+def _extent(explored: likelihood.Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
+    """Return the largest distance of explored points with a low chi squared from the lowest
+    minimum, (p,), but at least two of its standard errors."""
+    low = explored.chi_squared <= explored.lowest + likelihood.WORTH * likelihood.RISE
+    offsets = np.abs(explored.points[low] - lowest.coordinates)
+    least = 2.0 * np.sqrt(np.diag(lowest.covariance))
+    return np.maximum(offsets.max(axis=0, initial=0.0), least)
 
 
 def _small_posterior(

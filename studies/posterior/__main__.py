@@ -1,10 +1,13 @@
 """Coverage of 95 % intervals of posteriors, from far guesses.
 
-    python -m studies.posterior [--cases NAME...] [--draws 50] [--number 300] [--quick]
+    python -m studies.posterior [--cases NAME...] [--draws 50] [--number 100] [--quick]
+    python -m studies.posterior --exact [--cases NAME...] [--draws 1000] [--number 5000]
     python -m studies.posterior --fits [--cases NAME...] [--draws 10]
 
-The row of each case is printed as it is found; the figure has the points of the last case. With
-`--fits`, the intervals are those of `cj.identify`.
+The row of each case is printed as it is found. Draws are kept in `draws.jsonl` in the output
+folder, so that an interrupted study continues; remove the file to begin again. The figure has the
+intervals of all draws. With `--exact`, `--number` runs around the truth give the posteriors of all
+draws; with `--fits`, the intervals are those of `cj.identify`.
 """
 
 import argparse
@@ -12,20 +15,24 @@ from collections.abc import Sequence
 
 import clearjoint as cj
 from studies.common.output import Output, add_options
-from studies.posterior import fits
+from studies.posterior import exact, fits
 from studies.posterior.cases import CASES
-from studies.posterior.draws import HEAD, cover, figure
+from studies.posterior.draws import HEAD, cells, cover, figure
 
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Return the options of a command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser, "one draw of the backlash with 64 points")
+    add_options(parser, "one draw of the backlash with 32 points")
     parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
-    parser.add_argument("--draws", type=int, default=50)
-    parser.add_argument("--number", type=int, default=300, help="points of each posterior")
+    parser.add_argument("--draws", type=int, help="50; with --exact 1000")
+    parser.add_argument("--number", type=int, help="100 points; with --exact 5000 runs")
+    parser.add_argument("--exact", action="store_true", help="intervals of the exact posterior")
     parser.add_argument("--fits", action="store_true", help="intervals of fits, crank-rocker only")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    options.draws = options.draws or (1000 if options.exact else 50)
+    options.number = options.number or (5000 if options.exact else 100)
+    return options
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -33,18 +40,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parse(arguments)
     cj.configure()
     if options.quick:
-        options.cases, options.draws, options.number = ["backlash"], 1, 64
-    head = fits.HEAD if options.fits else HEAD
+        options.cases, options.draws, options.number = ["backlash"], 1, 32
+    head = exact.HEAD if options.exact else fits.HEAD if options.fits else HEAD
     print("| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|", flush=True)
+    if options.exact:
+        for name in options.cases:
+            row = exact.cover(CASES[name](), options.number, options.draws)
+            print("| " + " | ".join(row) + " |", flush=True)
+        return
     if options.fits:
         for name in (one for one in options.cases if one in fits.CASES):
             row = fits.cover(fits.CASES[name](), options.draws)
             print("| " + " | ".join(row) + " |", flush=True)
         return
+    output, found = Output.of(__file__, options), []
     for name in options.cases:
-        row = cover(CASES[name](), options.draws, options.number)
-        print("| " + " | ".join(row.cells()) + " |", flush=True)
-        Output.of(__file__, options).save(figure(row), "posterior")
+        draws = cover(name, CASES[name], options.draws, options.number, output.file("draws.jsonl"))
+        print("| " + " | ".join(cells(draws)) + " |", flush=True)
+        found.append(draws)
+    output.save(figure(found), "posterior")
 
 
 if __name__ == "__main__":

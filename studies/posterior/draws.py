@@ -1,11 +1,13 @@
-"""Posteriors of draws of the noise, and how often their intervals contain the truth."""
+"""Posteriors of draws of the noise, kept in a file, and the coverage of their intervals."""
 
-import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.stats import binomtest
 
 import clearjoint as cj
 from studies.posterior.cases import Case
@@ -13,7 +15,7 @@ from studies.posterior.cases import Case
 HEAD = (
     "case",
     "draws",
-    "intervals that contain the truth, %",
+    "intervals that contain the truth, % (and its 95 % interval)",
     "draws with several minima",
     "runs",
     "failed",
@@ -22,70 +24,108 @@ HEAD = (
 
 
 @dataclass(frozen=True)
-class Row:
-    """Posteriors of the draws of a case, and whether each interval contains the truth (n, p)."""
+class Draw:
+    """Result of a posterior for a draw of the noise.
 
-    case: Case
-    found: Sequence[cj.results.Posterior]
+    - `name`, `label`: of the case; `number`: of points; `seed`: of the noise and the posterior.
+    - `truth`: true value by name; `intervals`: 95 % interval by name.
+    - `minima`: number of separate minima; `runs`, `failed`: numbers of runs; `seconds`: time, s.
+    """
+
+    name: str
+    label: str
+    number: int
+    seed: int
+    truth: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    minima: int
+    runs: int
+    failed: int
+    seconds: float
 
     @property
-    def inside(self) -> np.ndarray:
-        """Whether each interval contains the truth, (n, p)."""
-        return np.array(
-            [
-                [low < self.case.truth[name] < high for name, (low, high) in one.intervals.items()]
-                for one in self.found
-            ]
-        )
-
-    def cells(self) -> tuple[str, ...]:
-        """Return the row as text."""
-        return (
-            self.case.label,
-            str(len(self.found)),
-            ", ".join(f"{name} {100 * part:.0f}" for name, part in self._shares()),
-            str(sum(len(one.weights) > 1 for one in self.found)),
-            f"{np.median([one.runs for one in self.found]):.0f}",
-            str(sum(one.failed for one in self.found)),
-            f"{np.median([one.seconds for one in self.found]):.2g}",
-        )
-
-    def _shares(self) -> list[tuple[str, float]]:
-        return list(zip(self.case.truth, self.inside.mean(axis=0).tolist(), strict=True))
+    def inside(self) -> dict[str, bool]:
+        """Whether each parameter's interval contains the truth."""
+        return {n: low < self.truth[n] < high for n, (low, high) in self.intervals.items()}
 
 
-def cover(case: Case, draws: int, number: int) -> Row:
-    """Draw posteriors of `number` points for each draw of the noise; report to standard error."""
-    generator, found = np.random.default_rng(0), []
-    for seed in range(draws):
-        data = case.clean.with_noise(generator)
-        found.append(
-            cj.posterior(
-                case.scene,
-                case.state,
-                data,
-                case.parameters,
-                guess=case.guess,
-                spread=case.spread,
-                number=number,
-                seed=seed,
-                progress=False,
-            )
-        )
-        print(*Row(case, found).cells(), sep=" | ", file=sys.stderr, flush=True)
-    return Row(case, found)
+def drawn(name: str, case: Case, number: int, seed: int) -> Draw:
+    """Return the result of a posterior of `number` points for a draw of the noise."""
+    data = case.clean.with_noise(np.random.default_rng(seed))
+    found = cj.posterior(
+        case.scene,
+        case.state,
+        data,
+        case.parameters,
+        guess=case.guess,
+        spread=case.spread,
+        number=number,
+        seed=seed,
+        progress=False,
+    )
+    counts = len(found.weights), found.runs, found.failed
+    truth, ends = case.truth, found.intervals
+    return Draw(name, case.label, number, seed, truth, ends, *counts, found.seconds)
 
 
-def figure(row: Row) -> Figure:
-    """Draw the points of the first posterior of a case, and the truth."""
-    samples, names = row.found[0].samples, list(row.case.truth)
-    drawn = Figure(figsize=(4.0 * (len(names) - 1), 3.6), layout="constrained")
-    panels = np.atleast_1d(drawn.subplots(1, len(names) - 1))
-    for axes, name in zip(panels, names[1:], strict=True):
-        axes.scatter(samples[names[0]], samples[name], c=row.found[0].modes, s=8, cmap="tab10")
-        axes.plot(row.case.truth[names[0]], row.case.truth[name], "k+", ms=14, label="truth")
-        units = row.found[0].units
-        axes.locator_params(axis="x", nbins=4)
-        axes.set(xlabel=f"{names[0]} [{units[names[0]]}]", ylabel=f"{name} [{units[name]}]")
-        axes.legend()
-    return drawn
+def kept(file: Path) -> list[Draw]:
+    """Return the draws in a file; none if there is no file."""
+    return (
+        [Draw(**json.loads(line)) for line in file.read_text().splitlines()]
+        if file.exists()
+        else []
+    )
+
+
+def cover(
+    name: str, make: Callable[[], Case], draws: int, number: int, file: Path
+) -> Sequence[Draw]:
+    """Return draws of a case; those that the file lacks are computed and appended to it."""
+    same = [one for one in kept(file) if (one.name, one.number) == (name, number)]
+    found = {one.seed: one for one in same if one.seed < draws}
+    if len(found) < draws:
+        case = make()
+        for seed in sorted(set(range(draws)) - set(found)):
+            found[seed] = drawn(name, case, number, seed)
+            with file.open("a") as lines:
+                lines.write(json.dumps(asdict(found[seed])) + "\n")
+    return list(found.values())
+
+
+def cells(draws: Sequence[Draw]) -> tuple[str, ...]:
+    """Return the row of a case as text."""
+    shares = []
+    for name in draws[0].truth:
+        count = sum(one.inside[name] for one in draws)
+        ends = [100.0 * end for end in binomtest(count, len(draws)).proportion_ci(method="wilson")]
+        share = 100.0 * count / len(draws)
+        shares.append(f"{name} {share:.0f} ({ends[0]:.0f} to {ends[1]:.0f})")
+    return (
+        draws[0].label,
+        str(len(draws)),
+        ", ".join(shares),
+        str(sum(one.minima > 1 for one in draws)),
+        f"{np.median([one.runs for one in draws]):.0f}",
+        str(sum(one.failed for one in draws)),
+        f"{np.median([one.seconds for one in draws]):.2g}",
+    )
+
+
+def figure(cases: Sequence[Sequence[Draw]]) -> Figure:
+    """Draw the intervals of all draws of some cases relative to the truth."""
+    most = max(len(draws[0].truth) for draws in cases)
+    found = Figure(figsize=(3.2 * most, 2.4 * len(cases)), layout="constrained")
+    panels = found.subplots(len(cases), most, squeeze=False)
+    for row, draws in zip(panels, cases, strict=True):
+        row[0].set_ylabel(f"{draws[0].label}\n\ndraw", fontsize=7)
+        for axes in row[len(draws[0].truth) :]:
+            axes.set_axis_off()
+        for axes, (name, truth) in zip(row, draws[0].truth.items(), strict=False):
+            for height, one in enumerate(draws):
+                ends = [100.0 * (end / truth - 1.0) for end in one.intervals[name]]
+                colour = "tab:blue" if one.inside[name] else "tab:red"
+                axes.plot(ends, (height, height), color=colour, lw=1.2)
+            axes.axvline(0.0, color="k", lw=0.8)
+            axes.locator_params(axis="x", nbins=5)
+            axes.set_xlabel(f"error of {name} [%]")
+    return found

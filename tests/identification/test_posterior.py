@@ -1,5 +1,5 @@
 """Posteriors against closed forms: free flights, whose position is linear in the velocity, linear
-problems of several parameters, and two minima of known weights."""
+problems of several parameters, two minima of known weights, and ranks of the truth among points."""
 
 import math
 from dataclasses import replace
@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import kstest, norm
 
 import clearjoint as cj
 from clearjoint.identification.posterior.modes import modes
@@ -163,16 +164,22 @@ def linear(parameters, count=40, noise=0.1):
     return design, values, mean, covariance, area - 0.5 * misfit
 
 
-@pytest.mark.parametrize("parameters", [1, 3])
-def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
-    design, values, mean, covariance, evidence = linear(parameters)
+def target_of(residuals, parameters):
+    """The posterior for a function of points that returns residuals (n, T), in a box."""
 
     def curves(points, count):
-        squares = (points @ design.T - values)[:, :count] ** 2
+        squares = residuals(points)[:, :count] ** 2
         return np.pad(np.cumsum(squares, axis=1), ((0, 0), (1, 0)))
 
     ends = np.full(parameters, WIDTH)
-    target = Target(curves, len(values), -ends, ends, lambda points: np.zeros(len(points)))
+    count = residuals(np.zeros((1, parameters))).shape[1]
+    return Target(curves, count, -ends, ends, lambda points: np.zeros(len(points)))
+
+
+@pytest.mark.parametrize("parameters", [1, 3])
+def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
+    design, values, mean, covariance, evidence = linear(parameters)
+    target = target_of(lambda points: points @ design.T - values, parameters)
     draws = [draw(target, 200, np.random.default_rng(seed)) for seed in range(4)]
     points = np.concatenate([one.points for one in draws])
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), (points - mean).T)
@@ -187,6 +194,73 @@ def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
     np.testing.assert_allclose(np.cov(whitened), np.eye(parameters), atol=0.12)
     ends = np.quantile(whitened, (0.025, 0.975), axis=1).T
     np.testing.assert_allclose(ends, np.tile((-1.96, 1.96), (parameters, 1)), atol=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("parameters", [3, 6])
+def test_errors_of_the_evidence_are_those_stated(parameters):
+    design, values, _, _, evidence = linear(parameters)
+    target = target_of(lambda points: points @ design.T - values, parameters)
+    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(12)]
+    errors = np.array([(one.log_evidence - evidence) / one.error for one in draws])
+    assert abs(errors.mean()) < 1.2 and 0.4 < errors.std() < 2.2
+    assert max(one.error for one in draws) < 0.2
+
+
+def rough(parameters, count=60, noise=0.1):
+    """A function of points (n, p) that returns predictions (n, T) over the noise.
+
+    They are linear in the parameters, and waves in two directions make many minima of chi squared,
+    two standard deviations apart, in the second half of the record.
+    """
+    generator = np.random.default_rng(parameters)
+    design = generator.standard_normal((count, parameters)) / noise
+    directions = generator.standard_normal((2, parameters))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    waves = np.pi * math.sqrt(count) / noise * directions
+    sizes = generator.standard_normal((count, 2)) * math.sqrt(24.0 / count)
+    sizes[: count // 2] = 0.0
+    return lambda points: points @ design.T + np.sin(points @ waves.T) @ sizes.T
+
+
+@pytest.mark.slow
+def test_the_truth_is_a_point_like_others_where_chi_squared_is_rough():
+    # If the truth is drawn from the prior, its rank among points of the posterior is uniform
+    # (S. Talts et al., Validating Bayesian inference algorithms with simulation-based calibration).
+    predict, ranks = rough(3), []
+    for seed in range(60):
+        generator = np.random.default_rng(seed)
+        truth = generator.uniform(-WIDTH, WIDTH, 3)
+        clean = predict(truth[None])
+        values = clean + generator.standard_normal(clean.shape)
+        target = target_of(lambda points, values=values: predict(points) - values, 3)
+        ranks.append((draw(target, 64, generator).points < truth).mean(axis=0))
+    for row in np.transpose(ranks):
+        assert kstest(row, "uniform").pvalue > 0.003
+    inside = np.abs(np.array(ranks) - 0.5) < 0.475
+    assert 0.88 < inside.mean() < 0.99
+
+
+@pytest.mark.slow
+def test_few_points_keep_the_ends_of_a_thin_curved_region():
+    # The second and the third coordinate are standard normal; the first follows a parabola.
+    def residuals(points):
+        first, second, third = points.T
+        bent = 2.3 * (second**2 - 1.0) + 2.3 * second * third
+        return np.stack([first / 0.02 + bent, second, third], axis=1)
+
+    def curves(points, count):
+        squares = (residuals(points) ** 2).sum(axis=1)
+        return np.multiply.outer(squares, np.linspace(0.0, 1.0, 41)[: count + 1] ** 3)
+
+    ends = np.array([20.0, 100.0, 100.0])
+    target = Target(curves, 40, -ends, ends, lambda points: np.zeros(len(points)))
+    held = []
+    for seed in range(16):
+        points = draw(target, 100, np.random.default_rng(seed)).points[:, 1:]
+        low, high = norm.cdf(np.quantile(points, (0.025, 0.975), axis=0, method="weibull"))
+        held.append(high - low)
+    assert np.mean(held) > 0.91 and np.min(held) > 0.5
 
 
 def test_steps_along_the_record():

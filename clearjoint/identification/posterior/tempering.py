@@ -9,6 +9,10 @@ sequential Monte Carlo*, 2011). Over few impacts chi squared is smooth, so that 
 region of the truth before the later impacts make chi squared rough. The usual path, powers of the
 likelihood of the whole record, would have to find it in the rough chi squared.
 
+The evidence is not the product of the steps' mean weights, whose errors add up. It is estimated by
+bridge sampling (X.-L. Meng and W. Wong, *Simulating ratios of normalizing constants via a simple
+identity*, 1996) between the posterior and a mixture of normal distributions around its points.
+
 This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
 no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
 likelihood and know the path of powers alone. Hence this implementation.
@@ -25,10 +29,15 @@ KEPT = 0.5
 """Effective part of the cloud after each step along the record, which fixes the step's length."""
 AHEAD = 1.5
 """Factor on the length of the record up to which points are run, beyond that in the likelihood."""
-ACCEPTED = 2.0
-"""Mean number of accepted moves of a point after which a step ends."""
-SWEEPS = 10
-"""Largest number of moves of each point in a step."""
+ACCEPTED, ACCEPTED_LAST = 1.5, 4.0
+"""Mean number of accepted moves of a point after which a step ends, and the last step. With fewer
+moves, a small cloud loses the ends of a curved region, from which few points descend."""
+SWEEPS, SWEEPS_LAST = 10, 20
+"""Largest number of moves of each point in a step, and in the last one."""
+PRIOR_POINTS = 2**12
+"""Number of points that give the integral of the prior."""
+BRIDGES = 1000
+"""Largest number of iterations of bridge sampling."""
 HALVINGS = 50
 LEAST = 1e-9
 """Smallest step along the record, as a fraction of a sample."""
@@ -37,6 +46,9 @@ WIDER, MORE = 2.0, 5
 points."""
 RIDGE = 1e-10
 """Smallest variance of a kernel, relative to that of the cloud."""
+WIDE, OVERALL = 1.5, 0.1
+"""Standard deviations of a mixture's wide distribution relative to those of the cloud, and the
+share of this distribution in the mixture."""
 
 Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
 """Function of points (n, p) and a number of times that returns chi squared of the samples up to
@@ -92,8 +104,8 @@ class Drawn:
     """Points that are distributed as the posterior.
 
     - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
-    - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior.
-    - `error`: its standard error.
+    - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
+      standard error.
     - `steps`: number of steps along the record.
     - `acceptance`: share of accepted moves in the last step.
     """
@@ -121,10 +133,10 @@ def draw(
 
     box = qmc.LatinHypercube(len(target.low), rng=generator)
     points = target.low + (target.high - target.low) * box.random(number)
-    ahead, reached, log_evidence, variance, steps = 1, 0.0, 0.0, 0.0, 0
+    ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
-    prior = np.exp(cloud.log_priors - cloud.log_priors.max())
-    cloud = cloud.taken(resampled(prior / prior.sum(), generator))
+    prior, _ = normalised(cloud.log_priors)
+    cloud = cloud.taken(resampled(prior, generator))
     while True:
         following = next_count(cloud.curves, reached)
         if following >= ahead and ahead < target.count:
@@ -132,18 +144,16 @@ def draw(
             cloud = evaluated(target, cloud.points, ahead)
             continue
         increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
-        weights, log_mean = normalised(increments)
-        log_evidence += log_mean
-        variance += (weights**2).sum() - 1.0 / number
+        weights, _ = normalised(increments)
         reached, steps = following, steps + 1
+        last = reached >= target.count
         ahead = min(int(AHEAD * reached) + 2, ahead)
         cloud = Cloud(cloud.points, cloud.curves[:, : ahead + 1], cloud.log_priors)
-        cloud, acceptance = mutated(target, cloud, weights, reached, generator)
+        cloud, acceptance = mutated(target, cloud, weights, reached, last, generator)
         on_step(reached)
-        if reached >= target.count:
-            chi_squared = cloud.curves[:, -1]
-            error = math.sqrt(variance)
-            return Drawn(cloud.points, chi_squared, log_evidence, error, steps, acceptance)
+        if last:
+            found = evidence(target, cloud, generator)
+            return Drawn(cloud.points, cloud.curves[:, -1], *found, steps, acceptance)
 
 
 def refined(target: Target, drawn: Drawn, runs: int, generator: np.random.Generator) -> Drawn:
@@ -237,6 +247,7 @@ def mutated(
     cloud: Cloud,
     weights: Float[np.ndarray, " n"],
     reached: float,
+    last: bool,
     generator: np.random.Generator,
 ) -> tuple[Cloud, float]:
     """Return a weighted cloud resampled and moved, and the share of accepted moves.
@@ -245,31 +256,95 @@ def mutated(
     and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version
     of the genetic algorithm Differential Evolution*, 2006). Both follow a cloud that is curved or
     in several parts.
+
+    **Arguments:** `reached`: number of times in the likelihood; `last`: whether that is all.
     """
     mixture = Mixture.around(cloud.points, weights)
     moved = cloud.taken(resampled(weights, generator))
     accepted = tried = 0
     number = len(weights)
-    for sweep in range(SWEEPS):
+    most, enough = (SWEEPS_LAST, ACCEPTED_LAST) if last else (SWEEPS, ACCEPTED)
+    for sweep in range(most):
         if sweep % 2 == 0:
             points = mixture.drawn(number, generator)
             ratios = mixture.log_density(moved.points) - mixture.log_density(points)
         else:
             points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
-        inside = ((points >= target.low) & (points <= target.high)).all(axis=1)
-        others = moved
-        if inside.any():
-            new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
-            indices = np.where(inside, np.cumsum(inside) - 1, 0)
-            others = new.taken(indices)
+        others, inside = evaluated_inside(target, points, moved)
         before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
         ratios = ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
         moved = moved.where(accepts, others)
         accepted, tried = accepted + int(accepts.sum()), tried + number
-        if accepted >= ACCEPTED * number:
+        if accepted >= enough * number:
             break
     return moved, accepted / tried
+
+
+def evaluated_inside(
+    target: Target, points: Float[np.ndarray, "n p"], others: Cloud
+) -> tuple[Cloud, np.ndarray]:
+    """Return points (n, p) with chi squared, and whether each is in the box, (n,).
+
+    A point outside the box is not run; it is replaced by that of `others` at its place.
+    """
+    inside = ((points >= target.low) & (points <= target.high)).all(axis=1)
+    if not inside.any():
+        return others, inside
+    new = evaluated(target, points[inside], others.curves.shape[1] - 1)
+    return others.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0))), inside
+
+
+def evidence(target: Target, cloud: Cloud, generator: np.random.Generator) -> tuple[float, float]:
+    """Return the logarithm of the mean of exp(-chi squared / 2) over the prior, and its standard
+    error, from points of the posterior.
+
+    Bridge sampling compares half of the points with draws from a mixture around the other half,
+    because a mixture around the same points has too large a density at them. Both halves take both
+    parts, and the result is their mean.
+    """
+    from scipy.stats import qmc
+
+    order = generator.permutation(len(cloud.points))
+    halves = order[::2], order[1::2]
+    found = [
+        bridge(target, cloud.taken(one), cloud.taken(other), generator)
+        for one, other in (halves, halves[::-1])
+    ]
+    sides = target.high - target.low
+    box = qmc.LatinHypercube(len(sides), rng=generator)
+    prior = normalised(target.log_prior(target.low + sides * box.random(PRIOR_POINTS)))[1]
+    mean = 0.5 * (found[0][0] + found[1][0]) - prior - float(np.log(sides).sum())
+    return mean, 0.5 * math.hypot(found[0][1], found[1][1])
+
+
+def bridge(
+    target: Target, half: Cloud, other: Cloud, generator: np.random.Generator
+) -> tuple[float, float]:
+    """Return the logarithm of the integral of exp(-chi squared / 2) times the prior, and its
+    standard error, from points of the posterior and draws of a mixture around other such points."""
+    from scipy.special import expit
+
+    n = len(half.points)
+    mixture = Mixture.around(other.points, np.full(len(other.points), 1.0 / len(other.points)))
+    drawn = mixture.drawn(n, generator)
+    draws, inside = evaluated_inside(target, drawn, half)
+    logarithms = draws.log_priors - 0.5 * draws.curves[:, -1] - mixture.log_density(drawn)
+    at_draws = np.where(inside, logarithms, -np.inf)
+    at_points = half.log_priors - 0.5 * half.curves[:, -1] - mixture.log_density(half.points)
+    # Each iteration compares both densities at the integral of the iteration before.
+    integral = float(np.median(at_points))
+    for _ in range(BRIDGES):
+        forward, backward = expit(at_draws - integral), expit(integral - at_points)
+        change = math.log(max(forward.mean(), 1e-300) / max(backward.mean(), 1e-300))
+        integral += change
+        if abs(change) < 1e-9:
+            break
+    copies = np.unique(half.points, axis=0, return_counts=True)[1]
+    independent = n**2 / (copies**2).sum()
+    variance = forward.var() / (n * max(forward.mean(), 1e-300) ** 2)
+    variance += backward.var() / (independent * max(backward.mean(), 1e-300) ** 2)
+    return integral, math.sqrt(float(variance))
 
 
 def differences(
@@ -285,9 +360,9 @@ def differences(
 
 @dataclass(frozen=True)
 class Mixture:
-    """Mixture of n normal distributions.
+    """Mixture of m normal distributions.
 
-    - `centres`: (n, p); `roots`: (n, p, p) lower Cholesky factors of the covariances.
+    - `centres`: (m, p); `roots`: (n, p, p) lower Cholesky factors of the covariances.
     - `weights`: (n,), of the distributions; their sum is 1.
     """
 
@@ -298,7 +373,7 @@ class Mixture:
     @staticmethod
     def around(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> "Mixture":
         """Return normal distributions around points (n, p), each with the covariance of the points
-        near it."""
+        near it, and one wide distribution around all points."""
         count, p = points.shape
         near = min(max(4 * (p + 1), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
@@ -312,7 +387,10 @@ class Mixture:
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
         covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
-        return Mixture(points, np.linalg.cholesky(covariances), weights)
+        # The wide distribution reaches parts of the region from which all points have been lost.
+        centres = np.concatenate([points, mean[None]])
+        roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
+        return Mixture(centres, roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
         """Draw points (number, p)."""
@@ -321,7 +399,7 @@ class Mixture:
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
-        """Return the logarithm of the density at points (m, p), up to a constant."""
+        """Return the logarithm of the density at points (m, p)."""
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)
@@ -331,5 +409,5 @@ class Mixture:
             heights = np.log(self.weights) - np.log(
                 np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
             ).sum(axis=1)
-        exponents = heights - 0.5 * squares
+        exponents = heights - 0.5 * squares - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
         return np.asarray(logsumexp(exponents, axis=1))

@@ -4,7 +4,8 @@ The runs are lanes (`clearjoint.simulation.lanes.scheduler`) and cost a small fr
 with derivatives. Of each run only the curve of chi squared is kept.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import equinox as eqx
@@ -36,6 +37,8 @@ class SideBySide:
 
     runs: Experiment
     data: Samples
+    _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
+    """The first batch, whose programs serve the others."""
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
@@ -65,7 +68,6 @@ class SideBySide:
         **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
         """
         curves = np.zeros((len(coordinates), count + 1))
-        instants, sample_indices = self._instants(coordinates, count)
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
@@ -76,6 +78,39 @@ class SideBySide:
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
+        def keep(lane: int, predicted: np.ndarray) -> None:
+            waiting[lane] = predicted
+            if len(waiting) == TOGETHER:
+                take()
+
+        self._run(coordinates, count, keep)
+        if waiting:
+            take()
+        return curves
+
+    def predictions(self, coordinates: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n S T"]:
+        """Return the predicted values of the S series at all T times in n runs, SI; NaN at times
+        that a run does not reach.
+
+        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
+        """
+        found = np.full((len(coordinates), len(self.runs.names), self.count), np.nan)
+
+        def keep(lane: int, predicted: np.ndarray) -> None:
+            found[lane] = predicted[:, : self.count]
+
+        self._run(coordinates, self.count, keep)
+        return found
+
+    def _run(
+        self, coordinates: np.ndarray, count: int, keep: Callable[[int, np.ndarray], None]
+    ) -> None:
+        """Run lanes at coordinates (n, p) over the first `count` times.
+
+        **Arguments:** `keep`: receives the number of each lane and its predictions, (S, padded T).
+        """
+        instants, sample_indices = self._instants(coordinates, count)
+
         def on_ended(ended: Ended) -> None:
             rows, counts = ended.logs[LOG]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
@@ -84,19 +119,20 @@ class SideBySide:
                 for row, name, indices in parts:
                     at = indices[lane if len(indices) > 1 else 0]
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
-                waiting[lane] = predicted
-                if len(waiting) == TOGETHER:
-                    take()
+                keep(lane, predicted)
 
-        batch = Batch(self._common, self._tasks(coordinates, instants))
+        tasks = self._tasks(coordinates, instants)
+        batch = self._batches[0].with_tasks(tasks) if self._batches else Batch(self._common, tasks)
+        self._batches[:] = [batch]
         batch.run(range(len(coordinates)), on_ended)
-        if waiting:
-            take()
-        return curves
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
-        varied, states = jax.device_get(_scenes_and_states(self.runs, self._varied, coordinates))
         lanes = len(coordinates)
+        # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
+        rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
+        filled = np.resize(coordinates, (rows, coordinates.shape[1]))
+        made = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
+        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], made)
         return Task(
             varied,
             states,

@@ -99,6 +99,16 @@ class Batch:
             self.lengths[common.saved] = tasks.save_at.shape[1]
         self.turns = 0
         """Number of turns so far, the sum over all columns, including empty columns."""
+        self._made: _Programs | None = None
+
+    def with_tasks(self, tasks: Task) -> "Batch":
+        """Return a batch of other lanes, which shares the programs of this one.
+
+        **Arguments:** `tasks`: data of any number of lanes, of equal shapes otherwise.
+        """
+        other = Batch(self.common, tasks, self._threads)
+        other._made = self._made
+        return other
 
     def run(
         self,
@@ -137,20 +147,25 @@ class Batch:
                 raise KeyboardInterrupt
 
     def _programs(self) -> "_Programs":
-        with program_is_made_inside():
-            if is_native():
-                try:
-                    return _Programs(self, native=True)
-                except UnsupportedPrimitiveError as error:
-                    report_fallback(error)
-            return _Programs(self, native=False)
+        if self._made is None:
+            with program_is_made_inside():
+                self._made = self._new_programs()
+        return self._made
+
+    def _new_programs(self) -> "_Programs":
+        if is_native():
+            try:
+                return _Programs(self, native=True)
+            except UnsupportedPrimitiveError as error:
+                report_fallback(error)
+        return _Programs(self, native=False)
 
 
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
     - `loop`: the loop over lanes.
-    - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
+    - `own_cells`: layout of the data of a lane: the cells of its task, then those of its request.
     - `task_cells`: number of cells of a task.
     - `request`: a `SegmentRequest` whose leaves are the indices of the request's cells in a column.
     - `begin`, `outcome`, `columns[log]`: functions that make the compiled functions for a lane's
@@ -164,7 +179,7 @@ class _Programs:
     def __init__(self, batch: Batch, native: bool):
         # The first lane is an example of the structure, shapes and dtypes of all lanes.
         common, bare = batch.common, replace(batch.tasks, save_at=None)
-        requests = self._first_requests(batch)
+        requests = _first_requests(batch)
         task, request = (
             jax.tree.map(lambda leaf: np.asarray(leaf[0]), tree) for tree in (bare, requests)
         )
@@ -177,9 +192,9 @@ class _Programs:
             self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
 
         # Cells of the data and the state of a lane.
-        cells = Cells((task, request))
-        self.own, self.task_cells = cells.rows((bare, requests)), Cells(task).size
-        self.request: SegmentRequest = _shifted(cells.columns()[1], self.loop.own_cells.start)
+        self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
+        start = self.loop.own_cells.start
+        self.request: SegmentRequest = _shifted(self.own_cells.columns()[1], start)
         state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
         self.buffers: dict[str, tuple[np.ndarray, int]] = {}
         for name, buffer in common.logs(state).items():
@@ -205,17 +220,17 @@ class _Programs:
         self.outcome_cells = self.outcome().results
         self.column_cells = {name: make().results for name, make in self.columns.items()}
 
-    @staticmethod
-    def _first_requests(batch: Batch) -> SegmentRequest:
-        """Return the first request of each of the L lanes, with L in front of each array."""
-        common, tasks = batch.common, batch.tasks
-        count = len(tasks.end_time)
-        window = np.full((count, WINDOW), np.inf)
-        if tasks.save_at is not None:
-            first = tasks.save_at[:, :WINDOW]
-            window[:, : first.shape[1]] = first
-        wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
-        return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
+
+def _first_requests(batch: Batch) -> SegmentRequest:
+    """Return the first request of each of the L lanes, with L in front of each array."""
+    common, tasks = batch.common, batch.tasks
+    count = len(tasks.end_time)
+    window = np.full((count, WINDOW), np.inf)
+    if tasks.save_at is not None:
+        first = tasks.save_at[:, :WINDOW]
+        window[:, : first.shape[1]] = first
+    wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
+    return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
@@ -259,6 +274,7 @@ class _Shared:
 
     - `waiting`: numbers of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over yet.
+    - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
     - `finished`: set when a group has ended.
     - `stops`: whether all groups are to stop.
@@ -273,6 +289,8 @@ class _Shared:
     stops: bool = False
 
     def __post_init__(self) -> None:
+        bare, requests = replace(self.batch.tasks, save_at=None), _first_requests(self.batch)
+        self.own = self.programs.own_cells.rows((bare, requests))
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
@@ -333,7 +351,7 @@ class _Group:
         empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
-            own = self._programs.own[numbers]
+            own = self._shared.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
                 self._slots[column] = _LaneSlot(
@@ -386,7 +404,7 @@ class _Group:
     def _end(self, columns: list[int]) -> None:
         """Record the results of the lanes in some columns, and mark the columns as empty."""
         slots = [slot for column in columns if (slot := self._slots[column])]
-        tasks = self._programs.own[[slot.number for slot in slots], : self._programs.task_cells]
+        tasks = self._shared.own[[slot.number for slot in slots], : self._programs.task_cells]
         states = self._columns.floats[self._loop.state_cells, columns].T
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
         for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):
