@@ -396,6 +396,10 @@ STATE = State({"rod": body_state(ZERO)})
 HELD = Scene(BODIES, {"ball": SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))})
 APART = State({"rod": body_state((-0.25, 0, 0))})
 DRIVEN = State({"rod": body_state((-0.5, 0, 0), velocity=(0, 0.2, 0))})
+LONG, SHORT = (
+    State({"rod": BodyState(*(np.array(row) for row in (ZERO, (norm, 0, 0, 0), ZERO, ZERO)))})
+    for norm in (1.2, 0.8)
+)
 INFINITE = State({"rod": BodyState(*(np.full(n, np.inf) for n in (3, 4, 3, 3)))})
 
 
@@ -409,7 +413,13 @@ def saved(times):
 
 RUN = {
     "end before the start": (run(end_time=-1.0), "end_time", "-1.0", "after start_time", "in s"),
-    "end at the start": (run(start_time=1.0), "end_time", "1.0", "after start_time = 1", "in s"),
+    "end at the start": (
+        run(start_time=1.0),
+        "end_time",
+        "1.0",
+        "finite and after start_time = 1",
+        "in s",
+    ),
     "end infinite": (run(end_time=np.inf), "end_time", "inf", "finite", "give times in s"),
     "saves unsorted": (saved([0.2, 0.1]), "times", "[0.2, 0.1]", "rising", "sort"),
     "saves NaN": (saved([0.2, NAN]), "times", "nan", "finite times", "sort"),
@@ -465,6 +475,20 @@ RUN = {
         "['crank', 'rod']",
         "the scene's bodies ['rod']",
         "one state",
+    ),
+    "state with long Euler parameters": (
+        run(state=LONG),
+        "state.bodies['rod'].orientation",
+        "[1.2, 0.0, 0.0, 0.0]",
+        "about unit norm",
+        "body_state(...)",
+    ),
+    "state with short Euler parameters": (
+        run(state=SHORT),
+        "state.bodies['rod'].orientation",
+        "[0.8, 0.0, 0.0, 0.0]",
+        "about unit norm",
+        "body_state(...)",
     ),
     "state infinite": (
         run(state=INFINITE),
