@@ -72,6 +72,8 @@ class Study:
         )
         if section == "sweep" and part.preset is None and part.settings is None:
             section, part = "run", self.parts.run
+        # `part.settings` has defaults for all settings that the section does not name; only those
+        # that it names replace settings of the preset.
         table = self.document.get(section)
         given = table.get("settings", {}) if isinstance(table, dict) else {}
         changes = {key: getattr(part.settings, key) for key in given}
@@ -195,11 +197,13 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
+    # The keys before the last one must exist and lead to the table, or list, that is changed. The
+    # last key may be new in a table.
     tables = study if is_in_study else scene
     found, last = existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
     if len(found) == last and isinstance(table, dict):
-        found = (*found, keys[last])  # the last key may be new
+        found = (*found, keys[last])
     if len(found) < len(keys):
         key, parent = keys[len(found)], written(found) or "the top"
         known = list(table) if isinstance(table, dict) else []

@@ -15,7 +15,7 @@ from .locations import FileLocation, Keys, Source
 
 Document: TypeAlias = dict[str, object]
 Units: TypeAlias = Mapping[Keys, str]
-"""Units of numbers, by the keys that lead to the number in the file."""
+"""Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
@@ -112,14 +112,14 @@ def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
     """Return the text of a file with the given tables; TOML has the units in comments.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the numbers; `schema`: name of
-    the JSON Schema file to which the text refers for editors, or None.
+    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the values; `schema`: name of the
+    JSON Schema file to which the text refers for editors, or None.
     """
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     import tomlkit  # only needed to write
-    from tomlkit.items import Table
+    from tomlkit.items import Array, Table
 
     tables: PyTree = tomlkit.item(document)
     for (*parents, last), unit in units.items():
@@ -131,7 +131,7 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
             continue
         if unit != "1":
             item.comment(unit)
-        if isinstance(item, list):
+        if isinstance(item, Array):
             item.multiline(len(item) > LONGEST_LINE)
     text = tomlkit.dumps(tables)
     return text if schema is None else f"#:schema ./{schema}\n{text}"

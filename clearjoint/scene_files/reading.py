@@ -61,7 +61,7 @@ class Reader:
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Return the Python value of a value in a file.
+        """Convert a value of a file to the Python value for which it stands.
 
         **Arguments:** `content`: the value as parsed, a number, text, list or table; `expected`:
         values that are allowed; `location`: location of the value.
@@ -79,6 +79,10 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
+        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers."""
+        options = None if expected.shapes or expected.classes else expected.options
+        if options is not None and not (content is None or isinstance(content, str)):
+            location.refuse(content, f"one of {listed(options)}", "write one of these")
         if isinstance(content, Mapping):
             return self._table(content, expected, location)
         if isinstance(content, list):
@@ -103,6 +107,7 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
+        """Convert a table to an object, to Euler parameters, or to a dictionary."""
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:

@@ -19,7 +19,8 @@ from .reading import ABSENT, KIND
 class Writer:
     """Converts a scene, a state and the objects in them to tables.
 
-    - `units`: units of the converted numbers, by the keys that lead to them.
+    - `units`: units of the converted values, by the keys that lead to them; "1" for a value without
+      unit.
     - `user_classes`: user-defined classes among those of the converted objects.
     """
 
@@ -58,8 +59,7 @@ class Writer:
         """Return a value as a number, text, list or table, and add its unit to `units`."""
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
-        if expected.unit is not None:
-            self.units[location.keys] = expected.unit
+        self.units[location.keys] = expected.unit or "1"
         if isinstance(value, np.ndarray | np.generic | jax.Array):
             return self._value(np.asarray(value).tolist(), expected, location)
         if isinstance(value, Enum):

@@ -239,6 +239,8 @@ WRONG = {
         'count = 2\nspacing = "log"',
         "`.*gravity.spacing`.*one of geometric, linear",
     ),
+    "preset": ('preset = "preview"', "preset = 3", "`sweep.preset`: found 3, expected one of acc"),
+    "presets": ('preset = "preview"', 'preset = ["default"]', "`sweep.preset`: .*one of accurate"),
     "joint": (
         '"ImpactCount", joint = "pin"',
         '"ImpactCount", joint = "hinge"',
