@@ -70,10 +70,10 @@ def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray)
     functions = len(channels) > 0 and all(callable(channel) for channel in channels)
     expected = "scalar functions of an Instant"
     require(functions, "channels", channels, expected, "pass one or several of cj.quantities")
-    row = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
-    require(row, "times", times, "a row of finite times", "pass shape (N,), N > 0")
-    rising = bool((np.diff(times) > 0.0).all())
-    require(rising, "times", times, "rising", "sort them and merge repeated ones")
+    finite = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
+    rises = finite and bool((np.diff(times) > 0.0).all())
+    expected = "a rising row of finite times, none of them twice"
+    require(rises, "times", times, expected, "sort them, for example by numpy.unique")
     shaped = noise.shape in ((), times.shape)
     expected = f"a number or of shape {times.shape}"
     require(shaped, "noise", noise.shape, expected, "pass one for each time")
