@@ -1,0 +1,1 @@
+"""Mutation test of the kernels: how many small changes of the code the fast tests catch."""
