@@ -5,13 +5,13 @@ multipliers, without friction no slip, without a ledger no powers. A row is one 
 equation with its Jacobian. The speeds are those of the chosen coordinates.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 from ..math.linear_solvers import inner
 from ..math.vectors import Scalar, add
-from ..model.bodies import GROUND, NO_WRENCH, Wrench
+from ..model.bodies import GROUND, NO_WRENCH, Body, Wrench
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_forces import LoadedContact, contact_wrenches
@@ -24,7 +24,7 @@ from .coordinates import (
     Wrenches,
 )
 from .formulation import Formulation
-from .multipliers import response, row_rate
+from .multipliers import response, row_rate, row_weights
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,7 @@ def flattened(rows: ByLabel[Row]) -> list[Row]:
 
 def solved(
     formulation: Formulation,
+    bodies: Mapping[str, Body],
     mechanics: AbstractMechanics,
     forces: ByLabel[LoadedContact],
     rows: ByLabel[Row],
@@ -121,6 +122,7 @@ def solved(
 
     **Arguments:**
 
+    - `bodies`: of the scene, by name.
     - `forces`: contact forces, which are already contained in `rates` and are only passed on to the
       result.
     - `rows`: constraint rows, by joint and label.
@@ -139,7 +141,8 @@ def solved(
         - inner(direction, rates)
         for row, direction in zip(in_order, directions, strict=True)
     ]
-    change, multipliers = response(mechanics, directions, targets, formulation.solver())
+    weights = row_weights(bodies, in_order) if formulation.redundant else None
+    change, multipliers = response(mechanics, directions, targets, formulation.solver(), weights)
     rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
     values = iter(multipliers)
     by_label = {name: {label: next(values) for label in family} for name, family in rows.items()}

@@ -110,8 +110,10 @@ class Formulation(eqx.Module):
 
     - `coordinates`: the integrated variables; `JointCoordinates` by default.
     - `stabilisation`: how constraints are kept satisfied; `Baumgarte` feedback by default.
-    - `redundant`: whether some constraints depend on others. If so, reactions are not unique, and
-      the multipliers of least norm are computed; see `clearjoint.constraint_report`.
+    - `redundant`: whether some constraints depend on others; see `clearjoint.constraint_report`. If
+      so, reactions are not unique, and the multipliers of least norm are computed, where each is
+      divided by the square root of the mass, or moment of inertia, that it would accelerate if all
+      bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
 

@@ -5,14 +5,15 @@ with one number for each speed. Small systems of equations are solved by unrolle
 large ones in arrays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
 
+from ..math.functions import where
 from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
-from ..math.vectors import Scalar, add, is_zero, library, multiply
-from ..model.bodies import GROUND
+from ..math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root
+from ..model.bodies import GROUND, Body
 from ..model.joints.base import Motions, Row
 from .coordinates import AbstractMechanics, Speeds
 
@@ -22,6 +23,7 @@ def response(
     directions: Sequence[Speeds],
     targets: Sequence[Scalar],
     solver: AbstractSolver,
+    weights: Sequence[Scalar] | None = None,
 ) -> tuple[Speeds, list[Scalar]]:
     """Return the smallest change of the speeds' rates that changes the second time derivative of
     each constraint row by its target, and the multipliers of the rows.
@@ -36,6 +38,9 @@ def response(
     - `directions`: the rows of D, one list for each constraint row, with one number for each speed.
     - `targets`: one number for each constraint row.
     - `solver`: solver of the linear equations.
+    - `weights`: one number for each row, by which the row and its target are multiplied before
+      `solver` is called, see `row_weights`; ``None``, the default, for a solver whose result
+      doesn't depend on them.
 
     **Returns:** the change, one number for each speed, and one multiplier for each constraint row.
     """
@@ -47,6 +52,9 @@ def response(
     # `weighted` are the rows of D M^-1.
     rows = [solver.significant(directions[k]) for k in kept]
     aims = [targets[k] for k in kept]
+    if weights is not None:
+        rows = [[multiply(weights[k], a) for a in row] for k, row in zip(kept, rows, strict=True)]
+        aims = [multiply(weights[k], aim) for k, aim in zip(kept, aims, strict=True)]
     weighted = [mechanics.solved(row) for row in rows]
     change: Speeds = [0.0] * len(directions[0])
     if len(rows) > LARGEST_UNROLLED:
@@ -60,8 +68,38 @@ def response(
         for part, multiplier in zip(weighted, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
     for k, multiplier in zip(kept, nonzero, strict=True):
-        multipliers[k] = multiplier
+        multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
     return change, multipliers
+
+
+def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]:
+    """Return the weight of each constraint row: the square root of the mass, kg, that its
+    multiplier would accelerate if all bodies were free, or of the moment of inertia, kg m^2, for a
+    row in rad or without unit.
+
+    Rows multiplied by their weights all have the same unit. Without weights, the least norm would
+    add forces in N to moments in N m, and its solver would take the translations of a mechanism
+    with links of a millimetre for rounding errors beside the rotations.
+    """
+    weights = []
+    for row in rows:
+        total: Scalar = 0.0
+        for name, pair in row.jacobian.items():
+            if name != GROUND:
+                by_force = pair.force.dot(pair.force) / bodies[name].mass
+                by_moment = pair.moment.dot(pair.moment) / _mean_inertia(bodies[name])
+                total = add(total, add(by_force, by_moment))
+        # A row may vanish in a singular position; its multiplier is zero with any weight.
+        weights.append(1.0 / square_root(where(total > 0.0, total, 1.0)))
+    return weights
+
+
+def _mean_inertia(body: Body) -> Scalar:
+    """Return the mean of the principal moments of inertia, kg m^2, of a body in scalar form."""
+    inertia = body.inertia
+    if isinstance(inertia, Matrix):
+        return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0
+    return (inertia.x + inertia.y + inertia.z) / 3.0
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:

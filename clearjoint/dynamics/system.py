@@ -32,7 +32,7 @@ from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, fl
 from .formulation import Formulation
 from .grouping.condensing import whole
 from .grouping.coordinates import grouped
-from .multipliers import response, row_rate
+from .multipliers import response, row_rate, row_weights
 
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. With the default
@@ -155,7 +155,7 @@ class System(eqx.Module):
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates = mechanics.free_rates(wrenches)
         rows = self.rows(mechanics.motions, t)
-        return solved(self.formulation, mechanics, forces, rows, rates)
+        return solved(self.formulation, self.scene.bodies, mechanics, forces, rows, rates)
 
     def rates(
         self,
@@ -259,7 +259,8 @@ class System(eqx.Module):
         if not rows:
             return None
         directions = [mechanics.projected(row.jacobian) for row in rows]
-        return response(mechanics, directions, targets, self.formulation.solver())[0]
+        weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
+        return response(mechanics, directions, targets, self.formulation.solver(), weights)[0]
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""

@@ -1,5 +1,6 @@
-"""The same motion, looked at otherwise: turned, mirrored, reordered, renamed, in other units, split
-in time, in other coordinates. Each symmetry is also seen to fail where something is forgotten.
+"""The same motion, looked at otherwise: turned, mirrored, reordered, renamed, in other units,
+backwards, split in time, in other coordinates. Each symmetry is also seen to fail where something
+is forgotten.
 
 All but names and coordinates, which are slow for that, share one program."""
 
@@ -46,7 +47,7 @@ def solved(
 
 
 def simulated(
-    built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT
+    built, here, numbers: Hinged, end, begin=0.0, coordinates=JOINT, atol=None
 ) -> cj.results.Solution:
     return cj.simulate(
         built,
@@ -54,6 +55,7 @@ def simulated(
         end,
         cj.Settings(
             rtol=1e-10,
+            atol=atol,
             first_step=1e-4 * numbers.end_time,
             landing_tolerance=numbers.landing,
             coordinates=coordinates,
@@ -165,10 +167,10 @@ def test_mirrored_with_the_arm_spinning_on_differs():
 @given(seed=seeds)
 def test_reordered(seed):
     numbers = drawn(seed)
-    assert bits(backwards(numbers)) == bits(run(numbers))
+    assert bits(reordered(numbers)) == bits(run(numbers))
 
 
-def backwards(numbers: Hinged) -> cj.State:
+def reordered(numbers: Hinged) -> cj.State:
     """The end of a run of the scene with its elements in the other order."""
     straight, first = scene(numbers), state(numbers)
     turned = cj.Scene(
@@ -188,7 +190,7 @@ def bits(found: cj.State) -> list[bytes]:
 def test_a_mass_off_by_a_rounding_has_other_bits():
     numbers = drawn(1)
     wrong = numbers._replace(mass=np.nextafter(numbers.mass, 9.0))
-    assert bits(backwards(wrong)) != bits(run(numbers))
+    assert bits(reordered(wrong)) != bits(run(numbers))
 
 
 OTHERS = {"link": "zz", "arm": "b c", "hinge": "z", "pin": "a"}
@@ -255,6 +257,51 @@ def test_a_stiffness_left_in_old_units_differs():
     numbers = drawn(1)
     wrong = scaled(numbers, 2.0, 3.0, 0.7)._replace(stiffness=numbers.stiffness)
     assert apart(ended(wrong), scaled_outcome(ended(numbers), 2.0, 0.7)) > FAR
+
+
+@pytest.mark.parametrize("powers", [(20, 0, 0), (-20, 8, 0), (0, -8, -20), (-12, 0, -12)])
+def test_in_units_of_powers_of_two(powers):
+    """Rounding errors are the same then, to the last bit. So nothing depends on a number of metres,
+    kilograms or seconds in the program, if `atol`, which is one number for metres, radians and
+    speeds, is zero. Seconds don't become smaller here: slow contacts are landed on to 1e-11 s."""
+    numbers, scale = drawn(1), [2.0**power for power in powers]
+    smaller = scaled(numbers, *scale)
+    found, expected = (
+        outcome(simulated(scene(n), state(n), n, n.end_time, atol=1e-300).final)
+        for n in (smaller, numbers)
+    )
+    metre, _, second = scale
+    for ours, theirs in zip(found, scaled_outcome(expected, metre, second), strict=True):
+        assert np.array_equal(ours, theirs)
+
+
+def backwards(found: cj.State) -> cj.State:
+    """The state with all velocities reversed."""
+    bodies = {
+        name: cj.body_state(body.position, body.orientation, -body.velocity, -body.spin)
+        for name, body in found.bodies.items()
+    }
+    return cj.State(bodies, found.entry_speeds)
+
+
+def returned(seed: int, restitution: float) -> float:
+    """How far from its start a motion without friction ends that is reversed at its end."""
+    numbers = drawn(seed)._replace(friction=0.0, restitution=restitution)
+    there = solved(numbers)
+    assert len(there.impacts) > 1
+    back = run(numbers, here=backwards(there.final))
+    return apart(outcome(backwards(back)), numbers.start)
+
+
+@few
+@given(seed=seeds)
+def test_backwards_at_restitution_one(seed):
+    """Impacts amplify errors a hundred times, there and back."""
+    assert returned(seed, 1.0) < 10.0 * CLOSE
+
+
+def test_backwards_with_losses_differs():
+    assert returned(1, 0.99) > FAR
 
 
 @few

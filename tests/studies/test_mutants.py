@@ -3,11 +3,11 @@
 import json
 
 import pytest
+
+from studies.common.fresh_process import ROOT
 from studies.mutants import __main__ as study
 from studies.mutants.mutations import in_random_order, mutants_of
 from studies.mutants.recording import Recording
-
-from studies.common.fresh_process import ROOT
 
 SOURCE = '''
 """A module: 1 + 1."""

@@ -51,6 +51,17 @@ def public_names() -> list[PublicName]:
     return found
 
 
+def concrete_classes(*bases: type) -> set[str]:
+    """The names of all public classes that derive from one of the base classes and can be made."""
+    return {
+        public.name
+        for public in public_names()
+        if inspect.isclass(public.value)
+        and issubclass(public.value, bases)
+        and not public.name.startswith("Abstract")
+    }
+
+
 def _docstring(value: object, origin: str, name: str) -> str:
     if inspect.isclass(value) or inspect.isroutine(value):
         return inspect.cleandoc(value.__doc__ or "")

@@ -73,17 +73,20 @@ def inertia_matrix(body: cj.Body) -> np.ndarray:
     return np.diag(inertia) if inertia.ndim == 1 else inertia
 
 
-def turned_state(state: cj.State, maps: Maps, moved: np.ndarray) -> cj.State:
-    """Where the bodies of the turned scene are."""
+def turned_state(
+    state: cj.State, maps: Maps, moved: np.ndarray, drift: np.ndarray | float = 0.0
+) -> cj.State:
+    """Where the bodies of the turned scene are, of one state or many, with a velocity `drift`, m/s,
+    added to that of all bodies."""
     ground = maps["ground"]
     flipped = np.linalg.det(ground)
     return cj.State(
         {
-            name: cj.body_state(
-                ground @ np.asarray(body.position) + moved,
+            name: cj.BodyState(
+                np.asarray(body.position) @ ground.T + moved,
                 euler(ground @ matrix(body.orientation) @ maps[name].T),
-                ground @ np.asarray(body.velocity),
-                flipped * maps[name] @ np.asarray(body.spin),
+                np.asarray(body.velocity) @ ground.T + drift,
+                flipped * np.asarray(body.spin) @ maps[name].T,
             )
             for name, body in state.bodies.items()
         }
@@ -138,7 +141,9 @@ def turned_element(element: Any, maps: Maps, moved: np.ndarray) -> Any:
 
 def turned_load(load: Any, own_map: np.ndarray) -> Any:
     if hasattr(load, "values"):
-        return with_fields(load, values=np.asarray(load.values) @ own_map.T)
+        columns = {name: getattr(load, name, None) for name in ("values", "rates")}
+        given = {name: table for name, table in columns.items() if table is not None}
+        return with_fields(load, **{name: t @ own_map.T for name, t in given.items()})
     return own_map @ np.asarray([float(part) for part in load])
 
 
@@ -238,7 +243,7 @@ def in_units(scene: cj.Scene, scale: Scale) -> cj.Scene:
         name: cj.Body(kilogram * body.mass, kilogram * metre**2 * np.asarray(body.inertia))
         for name, body in scene.bodies.items()
     }
-    gravity = metre / second**2 * np.asarray(scene.gravity)
+    gravity = None if scene.gravity is None else metre / second**2 * np.asarray(scene.gravity)
     return scene_with(scene, lambda e: in_other_units(e, scale), bodies=bodies, gravity=gravity)
 
 
@@ -281,7 +286,7 @@ def state_in_units(state: cj.State, scale: Scale) -> cj.State:
     metre, _, second = scale
     return cj.State(
         {
-            name: cj.body_state(
+            name: cj.BodyState(
                 metre * np.asarray(body.position),
                 body.orientation,
                 metre / second * np.asarray(body.velocity),
@@ -312,6 +317,13 @@ REVERSIBLE: dict[type, tuple[tuple[str, ...], ...]] = {
 slider, the walls of a slot and the flanks of a backlash are exchanged."""
 
 
+def is_reversible(element: Any, choice: int) -> bool:
+    """Whether the choice reverses any axis of the element."""
+    if isinstance(element, cj.LubricatedJoint):
+        return is_reversible(element.dry, choice)
+    return choice < 1 << len(REVERSIBLE.get(type(element), ()))
+
+
 def reversed_axes(element: Any, choice: int) -> Any:
     """The same joint with its axes reversed, or those that the bits of a choice tell."""
     if isinstance(element, cj.LubricatedJoint):
@@ -321,3 +333,95 @@ def reversed_axes(element: Any, choice: int) -> Any:
         if choice >> k & 1:
             changes |= {name: -np.asarray(getattr(element, name)) for name in together}
     return with_fields(element, **changes)
+
+
+def renamed(scene: cj.Scene, names: Mapping[str, str]) -> cj.Scene:
+    """The scene with other names of its bodies; a body that becomes the ground is left out."""
+    bodies = {names[name]: body for name, body in scene.bodies.items() if names[name] != "ground"}
+    return scene_with(scene, lambda e: with_names(e, names), bodies=bodies)
+
+
+def with_names(element: Any, names: Mapping[str, str]) -> Any:
+    """The element between bodies of other names."""
+    if isinstance(element, cj.LubricatedJoint):
+        return with_fields(element, dry=with_names(element.dry, names))
+    values = {field.name: getattr(element, field.name) for field in fields(element)}
+    return with_fields(
+        element, **{k: names[v] for k, v in values.items() if isinstance(v, str) and v in names}
+    )
+
+
+def exchanged(element: Any) -> Any:
+    """The same element with its first and second body, and all that belongs to them, exchanged.
+
+    Angles must be counted from parallel frames, or from an `orientation`, and the two axes of an
+    element must have equal components.
+    """
+    values = {field.name: getattr(element, field.name) for field in fields(element)}
+    changes = {
+        name: values[re.sub("first|second", _other_side, name)]
+        for name in values
+        if re.search("first|second", name)
+    }
+    if isinstance(element, cj.BallInSocket):
+        return with_fields(
+            element,
+            socket_body=element.ball_body,
+            ball_body=element.socket_body,
+            socket_point=element.ball_point,
+            ball_point=element.socket_point,
+        )
+    if "orientation" in values and values["orientation"] is not None:
+        changes["orientation"] = euler(matrix(element.orientation).T)
+    if "axis" in values:
+        # A rotation of the second body about an axis is one of the first about the opposite axis.
+        own = matrix(values.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        changes["axis"] = -own.T @ np.asarray(element.axis)
+    if isinstance(element, cj.Backlash):
+        changes["middle"] = -element.middle
+    if isinstance(element, cj.GearJoint):
+        ratio = element.teeth_first / element.teeth_second
+        changes["offset"] = (-ratio if element.internal else ratio) * element.offset
+    if isinstance(element, cj.GearBacklash):
+        # A tooth of one gear is in a gap of the other, so that half a pitch is between the zeros of
+        # gears with an odd sum of teeth.
+        first, second = element.teeth_first, element.teeth_second
+        odd = (first + second) % 2
+        changes["phase"] = element.phase * first / second + odd * math.pi / second
+    return with_fields(element, **changes)
+
+
+def _other_side(match: re.Match[str]) -> str:
+    return {"first": "second", "second": "first"}[match.group()]
+
+
+def backwards(element: Any) -> Any:
+    """The element in time that runs backwards: functions of time are reversed, and dampers, which
+    then drive the motion, get coefficients of the opposite sign."""
+    changes: dict[str, Any] = {}
+    for field in fields(element):
+        value = getattr(element, field.name)
+        if field.name in ODD_IN_TIME:
+            changes[field.name] = -np.asarray(value)
+        elif isinstance(value, cj.extend.AbstractFunctionOfTime):
+            changes[field.name] = reversed_function(value)
+    return with_fields(element, **changes)
+
+
+ODD_IN_TIME = ("damping", "rotational_damping", "derivative", "speed")
+"""Fields of forces and drives that are multiplied by a velocity, or are one."""
+
+
+def reversed_function(function: Any) -> Any:
+    """The function of time f(-t)."""
+    if isinstance(function, cj.Polynomial):
+        odd = np.arange(len(function.coefficients)) % 2
+        return cj.Polynomial(np.where(odd, -1.0, 1.0) * function.coefficients)
+    times, values = -np.asarray(function.times)[::-1], np.asarray(function.values)[::-1]
+    if isinstance(function, cj.PiecewiseConstant):
+        # A value holds from its time on, and the first one before all times.
+        times = np.concatenate([times[:1] - 1.0, times[:-1]])
+    changes = {"times": times, "values": values}
+    if hasattr(function, "rates"):
+        changes["rates"] = -np.asarray(function.rates)[::-1]
+    return with_fields(function, **changes)

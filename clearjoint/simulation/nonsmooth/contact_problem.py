@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from ...dynamics.contact_forces import contact_wrenches
 from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ...dynamics.equations_of_motion import flattened
-from ...dynamics.multipliers import response, row_rate
+from ...dynamics.multipliers import response, row_rate, row_weights
 from ...dynamics.system import System
 from ...math.linear_solvers import inner
 from ...math.rotations import transverse_axes
@@ -161,6 +161,8 @@ class ContactProblem:
     ):
         rows = flattened(system.rows(mechanics.motions, t))
         projected = [mechanics.projected(row.jacobian) for row in rows]
+        formulation = system.formulation
+        weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
 
         def free_response(direction: Speeds) -> Speeds:
             """Return the change of the speeds by a unit impulse, with impulses of ideal joints."""
@@ -169,7 +171,7 @@ class ContactProblem:
                 return rates
             # The joints' own impulses cancel the velocities that would violate their constraints.
             targets = [-inner(row, rates) for row in projected]
-            change, _ = response(mechanics, projected, targets, system.formulation.solver())
+            change, _ = response(mechanics, projected, targets, formulation.solver(), weights)
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
 
         self.contacts = contacts

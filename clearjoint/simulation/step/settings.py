@@ -43,8 +43,8 @@ class Settings:
       are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
     - `landing_tolerance`: m; steps end at each onset and end of a contact, with a penetration of at
-      most this value. With ``None``, steps go across onsets and ends. Runs with derivatives and an
-      `rtol` of 1e-10 or less need 1e-13.
+      most this value, or in slow contacts at most 1e-11 s later. With ``None``, steps go across
+      onsets and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9; the motion alone takes 823
