@@ -2,8 +2,8 @@
 
 To add one, call `case` with the element, between the bodies "first" and "second" in a state that
 satisfies it, and enter the result in one of the dictionaries that `elements` joins. If the element
-is another one when its bodies are exchanged, say so in `ONE_SIDED` of the tests; if it has axes that
-may be reversed, in `REVERSIBLE` of `symmetry_transformations.py`.
+is another one when its bodies are exchanged, say so in `ONE_SIDED` of the tests; if it has axes
+that may be reversed, in `REVERSIBLE` of `symmetry_transformations.py`.
 """
 
 from collections.abc import Mapping
