@@ -30,7 +30,6 @@ from clearjoint.dynamics.system import System
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import unpack
-from clearjoint.profiles import Harmonics
 from clearjoint.simulation.run.segments import begin
 from clearjoint.simulation.step.discontinuity_monitor import may_have_undeclared_jump
 from clearjoint.simulation.step.landing import Landing
@@ -111,7 +110,6 @@ ADDED = {
     "bristles": (scene(FORCED), scene(BRISTLED), {}),
     "smoothing": (scene(FORCED), scene(pin(Hertz(1e9, smoothing=1e-6))), {}),
     "end play": (scene(FORCED), scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))), {}),
-    "profile": (scene(FORCED), scene(pin(ELASTIC, bearing_profile=Harmonics([1e-6]))), {}),
     "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=FixedAxially())), {}),
 }
 

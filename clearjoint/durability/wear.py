@@ -157,6 +157,17 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
 
     **Arguments:** `scene`: the scene that was given to `wear`; `found`: its result; `stage`: index,
     by default that of the last stage.
+
+    >>> import xarray as xr
+    >>> dims, depth = ("joint", "stage", "angle"), 5e-6 * np.ones((1, 1, 8))
+    >>> found = xr.Dataset(
+    ...     {"bearing_depth": (dims, depth), "journal_depth": (dims, 0.0 * depth)},
+    ...     {"joint": ["shoulder"]},
+    ... )
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> profile = cj.worn(scene, found).joints["shoulder"].bearing_profile
+    >>> print(f"{profile.at(0.0).value:.1e} m")
+    5.0e-06 m
     """
     names = [str(name) for name in found["joint"].values]
     scene = _with_splines(scene, dict.fromkeys(names, WearRates(1.0, 1.0)), found.sizes["angle"])
@@ -170,6 +181,15 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     It is interpolated linearly between stages, and infinite if the depth was not reached.
 
     **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m; `joint`: its name.
+
+    >>> import xarray as xr
+    >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
+    >>> found = xr.Dataset(
+    ...     {"bearing_depth": (("joint", "stage", "angle"), depths)},
+    ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0])},
+    ... )
+    >>> cj.cycles_to_depth(found, 1e-6, "pin")
+    500.0
     """
     deepest = found[f"{part}_depth"].sel(joint=joint).max("angle").values
     if not deepest[-1] >= depth:

@@ -45,6 +45,9 @@ class Deviation(NamedTuple):
     - `value`: radius of the profile less that of the circle, m.
     - `slope`: its derivative by the angle, m/rad.
     - `bend`: its second derivative, m/rad^2.
+
+    >>> cj.profiles.Harmonics([2e-6]).at(0.0)._fields
+    ('value', 'slope', 'bend')
     """
 
     value: Scalar

@@ -14,7 +14,6 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
 from clearjoint.model.joints.base import Contact
-from clearjoint.simulation.step.breakpoint_events import _mean_time
 from clearjoint.simulation.step.discontinuity_analysis import compares_time
 from clearjoint.simulation.step.saltation import _mean_force
 from tests.support.planes import Plane
@@ -272,13 +271,6 @@ def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past
     assert mean(1e-3) == pytest.approx(inside, rel=1e-12)
     if past is not None:
         assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
-
-
-def test_drivers_that_change_together_have_the_mean_of_their_times():
-    since = {"a": (True, jnp.asarray(2.0)), "b": (True, jnp.asarray(4.0))}
-    none = {"c": (False, jnp.asarray(0.0))}
-    assert float(_mean_time({**since, **none})) == 3.0
-    assert float(_mean_time(none)) == 0.0
 
 
 def test_forward_derivatives_of_a_run_contain_the_switch_too():
