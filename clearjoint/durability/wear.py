@@ -170,9 +170,14 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     5.0e-06 m
     """
     names = [str(name) for name in found["joint"].values]
-    scene = _with_splines(scene, dict.fromkeys(names, WearRates(1.0, 1.0)), found.sizes["angle"])
     depths = np.stack([found[f"{part}_depth"].values[:, stage] for part in PARTS], axis=1)
-    return _with_depths(scene, names, depths)
+    # Parts that have not worn keep their profiles.
+    has_worn = {
+        name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
+        for name, of_joint in zip(names, depths, strict=True)
+        if of_joint.max() > 0.0
+    }
+    return _with_depths(_with_splines(scene, has_worn, depths.shape[-1]), names, depths)
 
 
 def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
