@@ -14,6 +14,7 @@ this term, derivatives have an error proportional to tau, which is visible if tw
 stiff spring begin a millionth of the contact time apart.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import jax
@@ -22,8 +23,8 @@ import jax.numpy as jnp
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of
 from ...dynamics.contact_forces import INSIDE, EntrySpeeds, LoadedContact, contact_force
 from ...dynamics.system import System
-from ...math.vectors import Condition, Scalar
-from ...model.joints.base import AbstractContactJoint, ByLabel, Contact
+from ...math.vectors import Condition, Scalar, Vector
+from ...model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ...model.scene import Scene
 from .step_state import Variables
 
@@ -147,38 +148,52 @@ def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByL
     **Arguments:** `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
     """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
-
-    def mean(joint: AbstractContactJoint, label: str, speed: Scalar | None) -> LoadedContact:
-        law, contact, closed = laws[label], contacts[label], jnp.asarray(True)
-        if speed is not None:
-            # A contact that begins at this event has no entry speed yet. It will get its present
-            # rate.
-            speed = jnp.where(speed > 0.0, speed, contact.gap.rate)
-
-        def force(contact: Contact) -> LoadedContact:
-            return contact_force(joint, label, law, contact, speed, closed, motions, bristles)
-
-        def at_depth(depth: Scalar) -> LoadedContact:
-            return force(replace(contact, gap=replace(contact.gap, depth=depth)))
-
-        # If only the force jumps, the mean is its value at the end of the step, or at the wall if
-        # the step ends outside of it.
-        if not law.slope_jumps():
-            return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.onset_offset()))
-        # If only the slope jumps, the force is zero at the wall, and the mean is half of the force
-        # at the end of the step.
-        if not law.force_jumps:
-            return _multiplied(force(contact), 0.5)
-        # Otherwise the mean is that of the forces at the wall and at the end of the step.
-        at_wall = at_depth(INSIDE - law.onset_offset())
-        return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
-
     forces: ByLabel[LoadedContact] = {}
     for name, labels in _jumping_contacts(system.scene).items():
-        laws, contacts = joints[name].laws(), joints[name].contacts(motions)
+        joint, contacts = joints[name], joints[name].contacts(motions)
         bristles, speeds = y.bristles.get(name, {}), entry_speeds.get(name, {})
-        forces[name] = {label: mean(joints[name], label, speeds.get(label)) for label in labels}
+        forces[name] = {
+            label: _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
+            for label in labels
+        }
     return forces
+
+
+def _mean_force(
+    joint: AbstractContactJoint,
+    label: str,
+    contact: Contact,
+    speed: Scalar | None,
+    motions: Motions,
+    bristles: Mapping[str, Vector],
+) -> LoadedContact:
+    """Return the mean force of one contact over the time from the event to the end of the step.
+
+    **Arguments:** `speed`: entry speed, m/s, zero in flight, ``None`` if the law does not use it;
+    `bristles`: deflections of the joint's contacts, m.
+    """
+    law, closed = joint.laws()[label], jnp.asarray(True)
+    if speed is not None:
+        # A contact that begins at this event has no entry speed yet. It will get its present rate.
+        speed = jnp.where(speed > 0.0, speed, contact.gap.rate)
+
+    def force(contact: Contact) -> LoadedContact:
+        return contact_force(joint, label, law, contact, speed, closed, motions, bristles)
+
+    def at_depth(depth: Scalar) -> LoadedContact:
+        return force(replace(contact, gap=replace(contact.gap, depth=depth)))
+
+    # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
+    # step ends outside of it.
+    if not law.slope_jumps():
+        return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.onset_offset()))
+    # If only the slope jumps, the force is zero at the wall, and the mean is half of the force at
+    # the end of the step.
+    if not law.force_jumps:
+        return _multiplied(force(contact), 0.5)
+    # Otherwise the mean is that of the forces at the wall and at the end of the step.
+    at_wall = at_depth(INSIDE - law.onset_offset())
+    return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
