@@ -389,7 +389,7 @@ class _Stages:
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
         penetrations = np.full(depths.shape[:2], np.nan)
         penetrations[: len(self.penetrations)] = self.penetrations
-        variables = {"penetration": (dims[:2], penetrations, metres)}
+        variables: dict[str, tuple] = {"penetration": (dims[:2], penetrations, metres)}
         for k, part in enumerate(PARTS):
             variables[f"{part}_depth"] = dims, depths[:, :, k], metres
             variables[f"{part}_rate"] = dims, rates[:, :, k], {"units": "m per cycle"}

@@ -40,6 +40,7 @@ def wear_depths(
 
     **Returns:** the depths, (2, samples) m, and the largest penetration, m.
     """
+    assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
     middles = 0.5 * (ends[1:] + ends[:-1])

@@ -9,11 +9,12 @@ about s^2/(2 R) only, with the slope s of the deviation: 5e-10 m for 3 um per ra
 """
 
 import abc
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from ..fields.checks import (
     as_shown,
@@ -39,6 +40,10 @@ ANGLES_PER_WAVE = 8
 """Number of angles that resolve a wave of the highest harmonic."""
 
 
+NumberOrArray: TypeAlias = Float[Any, "..."]
+"""A number, or an array of numbers."""
+
+
 class Deviation(NamedTuple):
     """Deviation of a profile from its circle at an angle.
 
@@ -50,9 +55,9 @@ class Deviation(NamedTuple):
     ('value', 'slope', 'bend')
     """
 
-    value: Scalar
-    slope: Scalar
-    bend: Scalar
+    value: NumberOrArray
+    slope: NumberOrArray
+    bend: NumberOrArray
 
 
 class AbstractProfile(AbstractConverting):
@@ -80,7 +85,7 @@ class AbstractProfile(AbstractConverting):
     """
 
     @abc.abstractmethod
-    def at(self, angle: Scalar) -> Deviation:
+    def at(self, angle: NumberOrArray) -> Deviation:
         """Return the deviation at an angle, rad, or at an array of angles."""
 
     @abc.abstractmethod
@@ -121,7 +126,7 @@ class Harmonics(AbstractProfile):
         require_finite("cosines", self.cosines)
         require_finite("sines", self.sines)
 
-    def at(self, angle: Scalar) -> Deviation:
+    def at(self, angle: NumberOrArray) -> Deviation:
         """Return the deviation at an angle, rad, or at an array of angles."""
         cosines, sines = on_device(self.cosines), on_device(self.sines)
         numpy = library((angle,))
@@ -182,7 +187,7 @@ class PeriodicSpline(AbstractProfile):
             return PeriodicSpline(values)  # raises an error
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
 
-    def at(self, angle: Scalar) -> Deviation:
+    def at(self, angle: NumberOrArray) -> Deviation:
         """Return the deviation at an angle, rad, or at an array of angles."""
         coefficients = on_device(self.coefficients)
         count = coefficients.shape[0]
@@ -297,9 +302,9 @@ def closest_approach(
 
 
 def overlaps(
-    x: Scalar,
-    y: Scalar,
-    angle: Scalar,
+    x: NumberOrArray,
+    y: NumberOrArray,
+    angle: NumberOrArray,
     bearing: AbstractProfile | None,
     journal: AbstractProfile | None,
     axes: PlanarAxes,

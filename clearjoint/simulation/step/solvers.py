@@ -78,7 +78,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     def information_like(self, y: Y) -> "DenseInformation":
         """Return data for dense output of the same structure as those of a step of `y`."""
-        return {"y0": y, "y1": y, "stages": (y,) * self.method.tableau.num_stages}
+        return {"y0": y, "y1": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     def step(
         self,
