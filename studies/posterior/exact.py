@@ -6,15 +6,17 @@ separates the question whether 95 % intervals contain the truth in 95 % of draws
 squared may be rough, from the question whether `cj.posterior` finds them.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.identification.posterior.tempering import Mixture, Target, draw
+from clearjoint.identification.posterior.tempering import Mixture, Target, draw, normalised
 from clearjoint.identification.residuals import experiment, samples
 from clearjoint.identification.screening.misfit_curves import SideBySide
 from studies.posterior.cases import Case
+from studies.posterior.draws import Draw
 
 HEAD = (
     "case",
@@ -22,6 +24,7 @@ HEAD = (
     "draws",
     "effective runs: median, smallest",
     "intervals of the exact posterior that contain the truth, %",
+    "exact probability in the intervals of draws of `cj.posterior`, %",
 )
 INFLATED, WIDER = 2.0, 1.3
 """Factor on the noise, and on the standard deviations of the normal distributions around points of
@@ -41,8 +44,12 @@ def lanes(case: Case, data: cj.Measurements) -> SideBySide:
     return SideBySide(runs, samples(data, len(runs.times)))
 
 
-def cover(case: Case, runs: int, draws: int) -> tuple[str, ...]:
-    """Return the row of a case as text."""
+def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str, ...]:
+    """Return the row of a case as text.
+
+    **Arguments:** `kept`: results of `cj.posterior` for the case, whose intervals are compared with
+    the exact posterior of the same data.
+    """
     truth = np.array([p.scale.coordinate(case.truth[n]) for n, p in case.parameters.items()])
     half = np.array([case.spread[name] for name in case.parameters])
     series = case.clean.series.items()
@@ -68,7 +75,8 @@ def cover(case: Case, runs: int, draws: int) -> tuple[str, ...]:
     shifts = (offsets * data.weights[:, : exact.count]).reshape(runs, -1)
     fine = np.isfinite(shifts).all(axis=1)
     shifts, points = shifts[fine], points[fine]
-    shares, effective = posteriors(shifts, points < truth, -mixture.log_density(points), draws)
+    log_weights = -mixture.log_density(points)
+    shares, effective = posteriors(shifts, points < truth, log_weights, draws)
     inside = ((shares > 0.025) & (shares < 0.975)).mean(axis=0)
     return (
         case.label,
@@ -76,7 +84,35 @@ def cover(case: Case, runs: int, draws: int) -> tuple[str, ...]:
         str(draws),
         f"{np.median(effective):.0f}, {effective.min():.0f}",
         ", ".join(f"{n} {100 * one:.1f}" for n, one in zip(case.truth, inside, strict=True)),
+        "; ".join(_held(case, shifts, points, log_weights, kept)),
     )
+
+
+def _held(
+    case: Case,
+    shifts: np.ndarray,
+    points: np.ndarray,
+    log_weights: np.ndarray,
+    kept: Sequence[Draw],
+) -> list[str]:
+    """Return for each number of points the mean exact probability in the intervals of draws."""
+    squares = (shifts**2).sum(axis=1)
+    held: dict[int, list[list[float]]] = {}
+    for one in kept:
+        data = case.clean.with_noise(np.random.default_rng(one.seed)).series
+        noise = [(data[name].values - s.values) / s.noise for name, s in case.clean.series.items()]
+        weights = normalised(log_weights - 0.5 * squares + shifts @ np.concatenate(noise))[0]
+        row = []
+        for (name, parameter), values in zip(case.parameters.items(), points.T, strict=True):
+            low, high = (parameter.scale.coordinate(end) for end in one.intervals[name])
+            row.append(float(weights[(values > low) & (values < high)].sum()))
+        held.setdefault(one.number, []).append(row)
+    texts = []
+    for number, rows in held.items():
+        means = zip(case.truth, np.mean(rows, axis=0), strict=True)
+        percent = ", ".join(f"{name} {100 * mean:.1f}" for name, mean in means)
+        texts.append(f"{number} points, {len(rows)} draws: {percent}")
+    return texts
 
 
 def posteriors(
@@ -96,8 +132,7 @@ def posteriors(
         # Chi squared of each draw less its value at the truth, which is the same for all runs.
         rises = squares[:, None] - 2.0 * shifts @ noise
         for logarithms in (log_weights[:, None] - 0.5 * rises).T:
-            weights = np.exp(logarithms - logarithms.max())
-            weights /= weights.sum()
+            weights, _ = normalised(logarithms)
             shares.append(weights @ below)
             effective.append(1.0 / (weights**2).sum())
     return np.array(shares), np.array(effective)

@@ -59,8 +59,9 @@ def posterior(
       a factor of e in both directions): one number, or a number for each parameter by name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
-    - `number`: number of points, at least 32; 100 serve for a curved region of three parameters.
-      With three parameters, about a hundred runs are needed for each point.
+    - `number`: number of points, at least 32. With three parameters, about a hundred runs are
+      needed for each point; 100 points give intervals that are too narrow where the region is thin
+      and curved.
     - `seed`: seed of the random numbers. Equal seeds give equal bits, for any number of threads.
     - `progress`: whether to show a line.
 
