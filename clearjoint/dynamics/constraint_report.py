@@ -142,8 +142,8 @@ def start_rows(
         as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
         for name, row in remaining.items()
     ]
-    arrays = [_stacked(part) for part in (values, rates, [*jacobian.values()])]
-    return StartRows(*arrays, tuple(rows), tuple(remaining), _stacked(left))
+    all_rows = _stacked(values), _stacked(rates), _stacked([*jacobian.values()])
+    return StartRows(*all_rows, tuple(rows), tuple(remaining), _stacked(left))
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:

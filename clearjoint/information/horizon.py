@@ -223,8 +223,7 @@ def fit_horizon(
     >>> limits.single_shot
     inf
     """
-    settings = settings_or(settings, presets.derivatives)
-    looser = settings.looser(LOOSER)
+    tight = settings_or(settings, presets.derivatives)
     names, keys = sorted(parameters), sorted(uncertainty)
     require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
     for name in parameters:
@@ -258,15 +257,15 @@ def fit_horizon(
         weight = np.zeros(len(times))
         weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
         weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
-    true_run = run_at(truth, settings)
-    errors = _errors(true_run, run_at(truth, looser), weights, len(truth))
+    true_run = run_at(truth, tight)
+    errors = _errors(true_run, run_at(truth, tight.looser(LOOSER)), weights, len(truth))
     sizes = growth.sizes(true_run.derivatives, points)
     # Differences grow exponentially only through impacts, so the rate is fitted from the first
     # contact on.
     touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
     onset = _first(times, touching)
     guesses = [
-        _wrong_guess(lambda u: run_at(u, settings, throw=False), true_run, truth, one, weights)
+        _wrong_guess(lambda u: run_at(u, tight, throw=False), true_run, truth, one, weights)
         for one in offsets(spread)
     ]
     return FitHorizon(
@@ -276,7 +275,7 @@ def fit_horizon(
         *errors,
         _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
         tuple(guesses),
-        identifiability_from(true_run, dict(parameters), truth, by_name, settings),
+        identifiability_from(true_run, dict(parameters), truth, by_name, tight),
     )
 
 

@@ -126,7 +126,7 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
         # Only entries of tables can have comments; entries of lists and of inline tables share a
         # line with others.
         parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
-        item: PyTree = parent[last] if isinstance(parent, Table) else ""
+        item: PyTree = parent[str(last)] if isinstance(parent, Table) else ""
         if isinstance(item, str | Mapping):
             continue
         if unit != "1":

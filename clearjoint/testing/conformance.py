@@ -67,7 +67,7 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
     **Raises:** `AssertionError` if a value is not finite, or if `jax.vmap` gives another value than
     a single evaluation.
     """
-    values = jax.vmap(function, in_axes=(None, *(0 for _ in points)))(law, *points)
+    values = jnp.asarray(jax.vmap(function, in_axes=(None, *(0 for _ in points)))(law, *points))
     ensure(jnp.isfinite(values), f"{name} is not finite everywhere.")
     few = zip(*(rows[:SINGLE] for rows in points), strict=True)
     single = jnp.stack([jnp.asarray(function(law, *point)) for point in few])

@@ -235,7 +235,7 @@ def _failures(
             failed[message] = _is_nonzero(contact.slip - sliding)
             if label not in joint.bristle_laws():
                 driven = loaded.friction.dot(contact.slip) > TOLERANCE * loaded.normal_force
-                failed["friction drives the slip"] = driven
+                failed["friction drives the slip"] = jnp.asarray(driven)
         failures[label] = failed
     return failures
 

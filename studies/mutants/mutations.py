@@ -213,7 +213,7 @@ class _Finder(ast.NodeVisitor):
 
     def visit_Constant(self, node: ast.Constant) -> None:  # noqa: N802
         """Exchange 0 and 1, and add one to other numbers."""
-        if type(node.value) in (int, float):
+        if isinstance(node.value, int | float) and not isinstance(node.value, bool):
             value = 1 - node.value if node.value in (0, 1) else node.value + 1
             self._add(*self._span(node), repr(value))
 

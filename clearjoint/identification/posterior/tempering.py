@@ -288,7 +288,7 @@ def evaluated_inside(
 
     A point outside the box is not run; it is replaced by that of `others` at its place.
     """
-    inside = ((points >= target.low) & (points <= target.high)).all(axis=1)
+    inside = np.all((points >= target.low) & (points <= target.high), axis=1)
     if not inside.any():
         return others, inside
     new = evaluated(target, points[inside], others.curves.shape[1] - 1)

@@ -186,11 +186,11 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
     run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
     if lane.saved is None:
         return Lane(run, None)
-    lane = Lane(run, lane.saved)
-    due = _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
+    saved, lane = lane.saved, Lane(run, lane.saved)
+    due = _save_is_due(lane, request) & jnp.logical_not(saved.is_full())
     row = run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
     row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-    return Lane(run, lane.saved.with_row(row, due))
+    return Lane(run, saved.with_row(row, due))
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:

@@ -6,7 +6,7 @@ A segment is a number of steps that compiled code takes before it returns to Pyt
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -119,8 +119,8 @@ class Run:
             while True:
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
-                limit = min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps)
-                rest = self.recorders, now, saves.chunk(), self.end, np.asarray(limit)
+                limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
+                rest = self.recorders, now, saves.chunk(), self.end, limit
                 now, saved = segment_compiled(*program, *rest)
                 saves.take(saved)
                 # Empty the buffers at each stop, so that their size does not limit the run.

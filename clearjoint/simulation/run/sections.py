@@ -42,8 +42,10 @@ def check_channels(channels: Channels) -> None:
     require_array_names("channels", channels, PASS_CHANNELS)
 
     def is_pair(pair: object) -> bool:
-        is_tuple = isinstance(pair, tuple) and len(pair) == 2
-        return is_tuple and callable(pair[0]) and isinstance(pair[1], str)
+        match pair:
+            case (quantity, str()):
+                return isinstance(pair, tuple) and callable(quantity)
+        return False
 
     fine = bool(channels) and all(map(is_pair, channels.values()))
     require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
