@@ -89,6 +89,7 @@ from . import quantities as quantities
 from . import results as results
 from .durability.wear import WearRates as WearRates
 from .durability.wear import cycles_to_depth as cycles_to_depth
+from .durability.wear import life_derivatives as life_derivatives
 from .durability.wear import wear as wear
 from .durability.wear import worn as worn
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,28 +18,38 @@ from tqdm.auto import tqdm
 
 from ..fields.checks import require, require_count, require_positive
 from ..fields.conversion import with_arrays
+from ..fields.types import ArrayLike
 from ..model.bodies import BodyState, State
 from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.profiles import PeriodicSpline
 from ..model.scene import Scene
-from ..parametrisation.paths import set_value
+from ..parametrisation.parameter import Parameter, check_parameters
 from ..quantities.base import require_known
 from ..result_codes import RESULTS
 from ..simulation.run.saving import Saving
 from ..simulation.run.simulate import simulate
 from ..simulation.step.settings import Settings
-from .wear_depths import wear_depths
+from .wear_depths import quadrature_times, wear_depths
+from .wear_derivatives import (
+    PARTS,
+    PROFILES,
+    Direction,
+    MovingSpline,
+    Part,
+    derivatives_in_spans,
+    directions_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Part = Literal["bearing", "journal"]
-PARTS: tuple[Part, Part] = ("bearing", "journal")
 CHANGE_BY_PENETRATION = 0.2
 """Default of the largest change of depth in a stage, relative to the largest penetration."""
 FIRST_STAGE = 0.1
 """Length of the first stage relative to the others, since it has no earlier one to extrapolate."""
 FEWEST_SAMPLES = 8
+STEPS_PER_SAMPLE = 16
+"""Smallest number of quadrature steps in a cycle, relative to the number of angles."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +79,10 @@ def wear(
     state: State,
     cycle: float,
     rates: Mapping[str, WearRates],
-    cycles: float,
+    cycles: float | ArrayLike,
     settings: Settings | None = None,
     *,
+    parameters: Mapping[str, Parameter] | None = None,
     settle: int = 1,
     measured: int = 2,
     tolerance: float = 0.1,
@@ -94,11 +105,19 @@ def wear(
     - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
     - `cycle`: duration of a cycle, s.
     - `rates`: wear rates of the joints that wear, each a `ClearanceJoint`, by name.
-    - `cycles`: number of cycles to extrapolate to, such as 1e6.
+    - `cycles`: number of cycles to extrapolate to, such as 1e6; or the rising numbers of cycles
+      before the stages after the first one, such as those of an earlier result with slightly
+      different numbers.
     - `settings`: of the runs; by default `clearjoint.presets.default`.
+    - `parameters`: by which the depths are differentiated, by names of your choice; they may select
+      no number of a profile that wears. The logarithms of the wear rates are additional parameters,
+      with names such as "pin bearing rate". The derivatives are those at fixed numbers of cycles
+      before the stages. They require that the measured cycles don't depend on the state in which a
+      stage begins, because they have settled.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even. The two halves of them must agree in worn volume to `tolerance`,
-      relatively. A motion that is not periodic needs many measured cycles.
+      that are measured, even. The two halves of them must agree in worn volume, and in the
+      derivatives of the depths, to `tolerance`, relatively. A motion that is not periodic needs
+      many measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
       penetration in the stage. With larger changes the profile oscillates, since the material that
       carries the load in one stage is gone in the next.
@@ -115,6 +134,9 @@ def wear(
       from its x axis (see `clearjoint.quantities.JournalOffset`).
     - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, likewise; NaN in the
       last stage, which has no run.
+    - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
+      with respect to the parameters' coordinates, along the additional dimension "parameter". Only
+      with `parameters`.
     - ``penetration``: largest penetration in the run of a stage, m, (joint, stage).
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
       the last run.
@@ -135,17 +157,30 @@ def wear(
     ```
     """
     scene, state = with_arrays((scene, state))
-    _check(scene, rates, cycle, cycles, settle, measured, samples, stages)
-    run = _CycleRun(rates, cycle, settle, measured, tolerance, samples, settings, start_time)
+    goals = np.atleast_1d(np.asarray(cycles, float))
+    _check(scene, rates, cycle, goals, settle, measured, samples, stages)
     scene = _with_splines(scene, rates, samples)
-    stages_so_far = _Stages.first(state, list(rates), samples)
-    store = None if path is None else _Store(Path(path), _digest(scene, state, run, cycles))
+    directions = {}
+    if parameters is not None:
+        check_parameters(parameters)
+        of_parts = {name: (rate.bearing, rate.journal) for name, rate in rates.items()}
+        # A path to a number holds for one structure of the scene, so the profiles get their places
+        # for derivatives first.
+        count = len(parameters) + np.count_nonzero(list(of_parts.values()))
+        unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
+        scene = _with_depths(scene, list(rates), unworn)
+        directions = directions_of(scene, state, of_parts, parameters)
+    run = _CycleRun(
+        rates, cycle, settle, measured, tolerance, samples, settings, start_time, directions
+    )
+    stages_so_far = _Stages.first(state, list(rates), list(directions), samples)
+    store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
     if store is not None:
         stages_so_far = store.read(stages_so_far)
     begun = stages_so_far.cycles[-1]
-    with tqdm(total=float(cycles), initial=begun, disable=not progress) as bar:
-        while not stages_so_far.has_ended(cycles, stages):
-            stages_so_far.add(run, scene, cycles, largest_change)
+    with tqdm(total=goals[-1], initial=begun, disable=not progress) as bar:
+        while not stages_so_far.has_ended(goals[-1], stages):
+            stages_so_far.add(run, scene, goals, largest_change)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
@@ -170,11 +205,11 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     5.0e-06 m
     """
     names = [str(name) for name in found["joint"].values]
-    depths = np.stack([found[f"{part}_depth"].values[:, stage] for part in PARTS], axis=1)
+    depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
     # Parts that have not worn keep their profiles.
     has_worn = {
         name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
-        for name, of_joint in zip(names, depths, strict=True)
+        for name, of_joint in zip(names, depths[0], strict=True)
         if of_joint.max() > 0.0
     }
     return _with_depths(_with_splines(scene, has_worn, depths.shape[-1]), names, depths)
@@ -202,6 +237,51 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     return float(np.interp(depth, deepest, found["cycles"].values))
 
 
+def life_derivatives(
+    found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing"
+) -> dict[str, float]:
+    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to parameters.
+
+    They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
+    with the scale `Log`, per unit of its natural logarithm. All are NaN if the depth was not
+    reached.
+
+    **Arguments:** `found`: result of `clearjoint.wear` with `parameters`. The others are as in
+    `cycles_to_depth`.
+
+    >>> import xarray as xr
+    >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
+    >>> dims = "joint", "stage", "angle"
+    >>> found = xr.Dataset(
+    ...     {
+    ...         "bearing_depth": (dims, depths),
+    ...         "bearing_depth_derivative": ((*dims, "parameter"), depths[..., None]),
+    ...     },
+    ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0]), "parameter": ["load"]},
+    ... )
+    >>> cj.life_derivatives(found, 1e-6, "pin")
+    {'load': -500.0}
+    """
+    remedy = "pass `parameters` to wear()"
+    require("parameter" in found.dims, "found", list(found.dims), "with derivatives", remedy)
+    names = [str(name) for name in found["parameter"].values]
+    of_joint = found.sel(joint=joint)
+    depths = of_joint[f"{part}_depth"].transpose("stage", "angle").values
+    slopes = of_joint[f"{part}_depth_derivative"].transpose("stage", "angle", "parameter").values
+    deepest, cycles = depths.max(axis=1), found["cycles"].values
+    if not deepest[-1] >= depth:
+        return dict.fromkeys(names, float("nan"))
+    # The point where the line through two stages has the depth moves by the line's own change
+    # there, over its slope.
+    i = max(int(np.searchsorted(deepest, depth)), 1)
+    at_deepest = [slopes[stage, depths[stage].argmax()] for stage in (i - 1, i)]
+    rise = deepest[i] - deepest[i - 1]
+    share = (depth - deepest[i - 1]) / rise
+    change = (1.0 - share) * at_deepest[0] + share * at_deepest[1]
+    lives = -change * (cycles[i] - cycles[i - 1]) / rise
+    return dict(zip(names, lives.tolist(), strict=True))
+
+
 @dataclass(frozen=True)
 class _CycleRun:
     """Run of some cycles, whose wear is measured; see the arguments of `wear`."""
@@ -214,6 +294,7 @@ class _CycleRun:
     samples: int
     settings: Settings | None
     start_time: float
+    directions: Mapping[str, Direction]
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
         """Return the wear per cycle and the state after the run."""
@@ -229,44 +310,55 @@ class _CycleRun:
             throw=False,
             progress=False,
         )
-        count = len(self.rates)
-        halves, penetrations = np.zeros((2, count, len(PARTS), self.samples)), np.zeros((2, count))
-        result = RESULTS[solution.result]
-        if solution.result == RESULTS.successful:
-            for k, span in enumerate(((first, middle), (middle, last))):
-                for j, (name, rates) in enumerate(self.rates.items()):
-                    of_parts = rates.bearing, rates.journal
-                    halves[k, j], penetrations[k, j] = wear_depths(
-                        scene, solution, name, of_parts, *span, self.samples
+        result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
+        halves = np.zeros((2, 1 + len(self.directions), *shape))
+        penetrations = np.zeros((2, len(self.rates)))
+        rates = {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
+        if result == RESULTS.successful:
+            # A contact may run around the whole wall in a cycle. The wear at an angle is then that
+            # of the short time in which the contact passes it.
+            longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
+            spans = (first, middle), (middle, last)
+            times = [quadrature_times(solution, *span, longest) for span in spans]
+            for k in range(len(spans)):
+                for j, (name, of_parts) in enumerate(rates.items()):
+                    halves[k, 0, j], penetrations[k, j] = wear_depths(
+                        scene, solution, name, of_parts, times[k], self.samples
                     )
+            if self.directions:
+                given = times, rates, self.directions, self.settings, self.samples
+                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *given)
+                if derivatives is not None:
+                    halves[:, 1:] = derivatives
         return _Measured(
-            halves.sum(axis=0) / self.measured,
-            halves.sum(axis=(2, 3)),
+            halves / (0.5 * self.measured),
             penetrations.max(axis=0),
             # Only what a store keeps, so that a computation that is continued has the same bits.
             State(solution.final.bodies),
-            "" if solution.result == RESULTS.successful else result,
+            "" if result == RESULTS.successful else RESULTS[result],
         )
 
     def difference(self, found: "_Measured") -> float:
-        """Return the relative difference of the wear in both halves, the largest of all joints."""
-        first, second = found.halves
-        larger = np.maximum(first, second)
-        return float(np.max(np.abs(first - second) / np.where(larger > 0.0, larger, 1.0)))
+        """Return the largest relative difference of both halves: of the depths' sum for each joint,
+        and of the sum of their derivatives with respect to each parameter."""
+        values, slopes = found.halves[:, 0], found.halves[:, 1:]
+        sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
+        sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
+        differences, scales = np.abs(np.diff(sums)[:, 0]), np.max(sizes, axis=1)
+        return float(np.max(differences / np.where(scales > 0.0, scales, 1.0)))
 
 
 class _Measured(NamedTuple):
     """Wear measured by a run of J joints.
 
-    - `depths`: (J, 2, samples) m per cycle, of bearing and journal.
-    - `halves`: (2, J) sum of the depths in each half of the measured cycles, m.
+    - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
+      half of the measured cycles, and their derivatives with respect to the p parameters.
     - `penetrations`: (J,) largest penetration, m.
     - `state`: at the end of the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
-    depths: Float[np.ndarray, "joints 2 samples"]
-    halves: Float[np.ndarray, "2 joints"]
+    halves: Float[np.ndarray, "2 rows joints 2 samples"]
     penetrations: Float[np.ndarray, " joints"]
     state: State
     failure: str
@@ -276,15 +368,17 @@ class _Measured(NamedTuple):
 class _Stages:
     """The stages computed so far.
 
-    - `cycles`: number of cycles before each stage. `depths`: (J, 2, samples) m there.
-    - `rates`: depth per cycle, (J, 2, samples) m, and `penetrations`: (J,) m, in the run of each
-      stage except the last one, which has no run yet.
+    - `cycles`: number of cycles before each stage. `depths`: (1 + p, J, 2, samples) m, the depths
+      there, and their derivatives with respect to the p `parameters`.
+    - `rates`: depth per cycle, likewise, and `penetrations`: (J,) m, in the run of each stage
+      except the last one, which has no run yet.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty for none.
     - `ending`: why the computation ended; empty while it goes on.
     """
 
     names: list[str]
+    parameters: list[str]
     cycles: list[float]
     depths: list[np.ndarray]
     rates: list[np.ndarray]
@@ -294,18 +388,23 @@ class _Stages:
     ending: str = ""
 
     @staticmethod
-    def first(state: State, names: list[str], samples: int) -> "_Stages":
+    def first(state: State, names: list[str], parameters: list[str], samples: int) -> "_Stages":
         """Return the unworn joints."""
-        return _Stages(names, [0.0], [np.zeros((len(names), 2, samples))], [], [], state)
+        depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
+        return _Stages(names, parameters, [0.0], [depths], [], [], state)
 
     def add(
         self,
         run: _CycleRun,
         scene: Scene,
-        cycles: float,
+        goals: Float[np.ndarray, " n"],
         largest_change: float | None,
     ) -> None:
-        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`."""
+        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
+
+        **Arguments:** `goals`: number of cycles before each stage after the first one; or one
+        number, to which the stages lead.
+        """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
             found = run.measure(scene, self.state)
@@ -321,9 +420,10 @@ class _Stages:
             self._refuse(found.failure, difference, run)
             return
         self.state = found.state
-        self.rates.append(found.depths)
+        self.rates.append(found.halves.mean(axis=0))
         self.penetrations.append(found.penetrations)
-        self._extrapolate(cycles - self.cycles[-1], largest_change)
+        left = goals[goals > self.cycles[-1]][0] - self.cycles[-1]
+        self._extrapolate(left if len(goals) > 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
@@ -345,6 +445,8 @@ class _Stages:
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
+            if self.parameters:
+                reason += " or in its derivatives"
         require(
             len(self.cycles) > 1,
             "cycle",
@@ -354,26 +456,27 @@ class _Stages:
         )
         self.failure = reason
 
-    def _extrapolate(self, left: float, largest_change: float | None) -> None:
-        """Append the depths after the next stage, of `left` cycles at most."""
-        rate = self.rates[-1]
+    def _length(self, left: float, largest_change: float | None) -> float:
+        """Return how many cycles the next stage has, `left` at most."""
         length = left
         # Each joint limits the stage by its own penetration.
-        for j in range(len(self.names)):
-            limit = largest_change
-            if limit is None:
-                limit = CHANGE_BY_PENETRATION * self.penetrations[-1][j]
-            fastest = rate[j].max()
-            if fastest > 0.0:
-                length = min(length, limit / fastest)
-        middle = rate
-        if len(self.rates) == 1:
-            length *= FIRST_STAGE
-        else:
+        for rate, penetration in zip(self.rates[-1][0], self.penetrations[-1], strict=True):
+            limit = (
+                CHANGE_BY_PENETRATION * penetration if largest_change is None else largest_change
+            )
+            if rate.max() > 0.0:
+                length = min(length, limit / rate.max())
+        return length * FIRST_STAGE if len(self.rates) == 1 else length
+
+    def _extrapolate(self, length: float) -> None:
+        """Append the depths after a stage of some cycles."""
+        middle = rate = self.rates[-1]
+        if len(self.rates) > 1:
             # Rate at the middle of the stage, on the line through those of the last two stages.
             before = self.cycles[-1] - self.cycles[-2]
             middle = rate + 0.5 * length / before * (rate - self.rates[-2])
-        change = np.maximum(middle, 0.0) * length
+        # Nothing grows again, even if the line leads to a negative rate.
+        change = np.where(middle[0] > 0.0, middle, 0.0) * length
         self.cycles.append(self.cycles[-1] + length)
         self.depths.append(self.depths[-1] + change)
 
@@ -382,31 +485,34 @@ class _Stages:
         import xarray as xr
 
         depths = np.array(self.depths)
-        samples = depths.shape[-1]
-        dims = "stage", "joint", "angle"
-        metres = {"units": "m"}
         rates = np.full(depths.shape, np.nan)
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
-        penetrations = np.full(depths.shape[:2], np.nan)
+        penetrations = np.full((len(depths), len(self.names)), np.nan)
         penetrations[: len(self.penetrations)] = self.penetrations
-        variables: dict[str, tuple] = {"penetration": (dims[:2], penetrations, metres)}
-        for k, part in enumerate(PARTS):
-            variables[f"{part}_depth"] = dims, depths[:, :, k], metres
-            variables[f"{part}_rate"] = dims, rates[:, :, k], {"units": "m per cycle"}
+        metres = {"units": "m"}
+        variables: dict[str, tuple] = {"penetration": (("stage", "joint"), penetrations, metres)}
+        dims = "stage", "joint", "angle"
+        for name, rows, unit in (("depth", depths, "m"), ("rate", rates, "m per cycle")):
+            for k, part in enumerate(PARTS):
+                variables[f"{part}_{name}"] = dims, rows[:, 0, :, k], {"units": unit}
+                if self.parameters:
+                    along = ("stage", "parameter", *dims[1:]), rows[:, 1:, :, k], {"units": unit}
+                    variables[f"{part}_{name}_derivative"] = along
         for field in fields(BodyState):
             rows = [np.asarray(getattr(body, field.name)) for body in self.state.bodies.values()]
-            components = "component" if len(rows[0]) == 3 else "parameter"
+            components = "component" if len(rows[0]) == 3 else "euler_parameter"
             variables[f"final_{field.name}"] = ("body", components), np.array(rows)
         return xr.Dataset(
             variables,
             coords={
                 "cycles": ("stage", self.cycles),
                 "joint": self.names,
-                "angle": ("angle", np.arange(samples) * 2.0 * np.pi / samples, {"units": "rad"}),
+                "angle": ("angle", _angles(depths.shape[-1]), {"units": "rad"}),
+                **({"parameter": self.parameters} if self.parameters else {}),
                 "body": list(self.state.bodies),
             },
             attrs={"ending": self.ending, "failure": self.failure},
-        ).transpose("joint", "stage", "angle", ...)
+        ).transpose("joint", "stage", "angle", ..., missing_dims="ignore")
 
 
 @dataclass(frozen=True)
@@ -446,17 +552,17 @@ class _Store:
             "a folder without a result, or with one of the same scene and arguments",
             "pass another folder",
         )
-        depths = np.stack([found[f"{part}_depth"].values for part in PARTS], axis=2)
-        rates = np.stack([found[f"{part}_rate"].values for part in PARTS], axis=2)
+        depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
         measured = int(np.isfinite(found["penetration"].values[0]).sum())
         numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
         names = [str(name) for name in found["body"].values]
         bodies = {name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)}
         return _Stages(
             first.names,
+            first.parameters,
             found["cycles"].values.tolist(),
-            list(np.moveaxis(depths, 1, 0)),
-            list(np.moveaxis(rates, 1, 0))[:measured],
+            list(depths),
+            list(rates[:measured]),
             list(found["penetration"].values.T)[:measured],
             State(bodies),
             found.attrs["failure"],
@@ -466,16 +572,35 @@ class _Store:
         return self.path.with_name(f"{self.path.name}.{suffix}")
 
 
-def _digest(scene: Scene, state: State, run: _CycleRun, cycles: float) -> str:
+def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
+    """Return the depths or rates of a result, and after them their derivatives, if there are any;
+    `name`: "depth" or "rate"."""
+    dims = "stage", "parameter", "joint", "angle"
+    of_parts = []
+    for part in PARTS:
+        rows = [found[f"{part}_{name}"].expand_dims("parameter").transpose(*dims).values]
+        if "parameter" in found.dims:
+            rows.append(found[f"{part}_{name}_derivative"].transpose(*dims).values)
+        of_parts.append(np.concatenate(rows, axis=1))
+    return np.stack(of_parts, axis=3)
+
+
+def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
     """Return a digest of all that determines the stages."""
-    parts = [repr(run), repr(cycles), str(jax.tree.structure((scene, state)))]
-    parts += [np.asarray(leaf).tobytes().hex() for leaf in jax.tree.leaves((scene, state))]
+    # The text of a direction may contain an address, so its effect on scene and state is used.
+    named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
+    effects = [
+        jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
+        for along in run.directions.values()
+    ]
+    parts = [repr(named), repr(goals.tolist()), str(jax.tree.structure((scene, state)))]
+    leaves = jax.tree.leaves((scene, state, effects))
+    parts += [np.asarray(leaf).tobytes().hex() for leaf in leaves]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
     """Return a scene in which the profiles of parts that wear are periodic splines."""
-    angles = np.arange(samples) * 2.0 * np.pi / samples
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]
@@ -483,7 +608,11 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
         for part in PARTS:
             if getattr(of_joint, part) > 0.0:
                 given = getattr(joint, f"{part}_profile")
-                values = np.zeros(samples) if given is None else np.asarray(given.at(angles).value)
+                values = (
+                    np.zeros(samples)
+                    if given is None
+                    else np.asarray(given.at(_angles(samples)).value)
+                )
                 spline = PeriodicSpline.through(values)
                 joint = eqx.tree_at(
                     lambda j, part=part: getattr(j, f"{part}_profile"),
@@ -495,19 +624,32 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
     return dataclasses.replace(scene, joints=joints)
 
 
+def _angles(samples: int) -> np.ndarray:
+    """Return evenly spaced angles, rad."""
+    return np.arange(samples) * 2.0 * np.pi / samples
+
+
 def _with_depths(
-    scene: Scene, names: list[str], depths: Float[np.ndarray, "joints 2 samples"]
+    scene: Scene, names: list[str], depths: Float[np.ndarray, "rows joints 2 samples"]
 ) -> Scene:
-    """Return a scene from `_with_splines` with depths, m, removed from its parts."""
-    for name, of_joint in zip(names, depths, strict=True):
-        for part, sign, depth in zip(PARTS, (1.0, -1.0), of_joint, strict=True):
-            profile = getattr(scene.joints[name], f"{part}_profile")
-            if isinstance(profile, PeriodicSpline) and len(profile.coefficients) == len(depth):
-                changed = PeriodicSpline.through(sign * depth).coefficients
-                scene = set_value(
-                    scene,
-                    lambda s, n=name, p=part: getattr(s.joints[n], f"{p}_profile").coefficients,
-                    np.asarray(profile.coefficients) + changed,
+    """Return a scene from `_with_splines` with depths, m, removed from its parts.
+
+    If `depths` contains derivatives after the depths, the profiles are `MovingSpline`s.
+    """
+    for j, name in enumerate(names):
+        for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
+            profile = getattr(scene.joints[name], field)
+            rows = sign * depths[:, j, k]
+            if isinstance(profile, PeriodicSpline) and len(profile.coefficients) == len(rows[0]):
+                removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
+                worn = np.asarray(profile.coefficients) + removed[0]
+                changed = (
+                    MovingSpline(worn, np.concatenate(removed[1:]), np.zeros(len(rows) - 1))
+                    if len(rows) > 1
+                    else PeriodicSpline(worn)
+                )
+                scene = eqx.tree_at(
+                    lambda s, n=name, f=field: getattr(s.joints[n], f), scene, changed
                 )
     return scene
 
@@ -516,7 +658,7 @@ def _check(
     scene: Scene,
     rates: Mapping[str, WearRates],
     cycle: float,
-    cycles: float,
+    goals: np.ndarray,
     settle: int,
     measured: int,
     samples: int,
@@ -530,7 +672,9 @@ def _check(
         fine = isinstance(of_joint, WearRates)
         require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
     require_positive("cycle", cycle, "give the duration of a cycle in s")
-    require_positive("cycles", cycles, "give a number of cycles, such as 1e6")
+    positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+    remedy = "give a number of cycles, such as 1e6, or a rising row of them"
+    require(positive, "cycles", goals, "positive and rising", remedy)
     require_count("settle", settle + 1, "give a number of cycles, 0 or more")
     require_count("measured", measured, "give an even number of cycles")
     even = measured % 2 == 0

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..fields.checks import (
     as_shown,
@@ -189,8 +189,7 @@ class PeriodicSpline(AbstractProfile):
 
     def at(self, angle: NumberOrArray) -> Deviation:
         """Return the deviation at an angle, rad, or at an array of angles."""
-        coefficients = on_device(self.coefficients)
-        count = coefficients.shape[0]
+        count = self.angles()
         per_knot = count / (2.0 * np.pi)
         # Known angles are computed by NumPy, so that the program need not search for their knots.
         numpy = library((angle,))
@@ -198,11 +197,7 @@ class PeriodicSpline(AbstractProfile):
         position = (turns - numpy.floor(turns)) * count
         knot = numpy.floor(position)
         x = position - knot
-        # One gather for the four coefficients. The row continues with its first entries, four of
-        # them since rounding may make the fraction of a turn exactly 1.
-        row = jnp.concatenate([coefficients[-1:], coefficients, coefficients[:3]])
-        index = knot.astype(int)[..., None] + np.arange(4)
-        near = row.at[index].get(mode="promise_in_bounds")
+        near = self.coefficients_around(knot.astype(int))
         a, b, c, d = (near[..., k] for k in range(4))
         # Powers of x of the four cubic B-splines that are not zero between two knots.
         linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
@@ -211,9 +206,22 @@ class PeriodicSpline(AbstractProfile):
         bend = 2.0 * square + x * 6.0 * cubic
         return Deviation(value, slope * per_knot, bend * per_knot**2)
 
+    def coefficients_around(self, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
+        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
+        m; `knot`: index, or array of indices, of the knot before an angle."""
+        return periodic(on_device(self.coefficients), knot)
+
     def angles(self) -> int:
         """Return the number of knots."""
         return np.shape(self.coefficients)[0]
+
+
+def periodic(row: jax.Array, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
+    """Return four entries of a periodic row, (..., 4), from the one before the index `knot` on."""
+    # One gather for the four entries. The row continues with its first entries, four of them since
+    # rounding may make the fraction of a turn exactly 1, and the knot the length of the row.
+    row = jnp.concatenate([row[-1:], row, row[:3]])
+    return row.at[knot[..., None] + np.arange(4)].get(mode="promise_in_bounds")
 
 
 class Approach(NamedTuple):
@@ -267,38 +275,48 @@ def closest_approach(
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
     - `axes`: of the journal.
     """
-
-    def newton_step(angle: Scalar) -> Scalar:
-        cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        wall = _ROUND if bearing is None else bearing.at(angle)
-        part, rate, change = _of_journal(cosine, sine, journal, axes)
-        slope = y * cosine - x * sine - wall.slope + part.slope * rate
-        bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
-        # Only a maximum has a negative second derivative; elsewhere the angle stays.
-        return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
-
+    # The direction is found without derivatives; only the last Newton step has some.
+    shapes = x, y, bearing, journal, axes
+    constant = jax.lax.stop_gradient(shapes)
     counts = [profile.angles() for profile in (bearing, journal) if profile is not None]
     count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
     spacing = 2.0 * np.pi / count
     angles = np.arange(count) * spacing
-    found = overlaps(x, y, angles, bearing, journal, axes)
+    found = overlaps(*constant[:2], angles, *constant[2:])
     # Not an argmax, of which XLA aborts to compile two in one program (jaxlib 0.10).
     start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
 
     # A loop, since steps that are written out would take longer to compile.
     def refine(k: jax.Array, angle: Scalar) -> Scalar:
         del k
-        return jnp.clip(angle + newton_step(angle), start - spacing, start + spacing)
+        closer = angle + _newton_step(angle, *constant)
+        return jnp.clip(closer, start - spacing, start + spacing)
 
     angle = jax.lax.fori_loop(0, NEWTON_STEPS - 1, refine, start)
-    # Only the last step is differentiated: its derivative is that of the maximum (implicit
-    # function theorem).
-    angle = jax.lax.stop_gradient(angle)
-    angle = angle + newton_step(angle)
+    # The derivative of one step is that of the maximum (implicit function theorem).
+    angle = angle + _newton_step(angle, *shapes)
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
     part, _, _ = _of_journal(cosine, sine, journal, axes)
     depth = overlaps(x, y, angle, bearing, journal, axes) - clearance
     return Approach(cosine, sine, depth, part)
+
+
+def _newton_step(
+    angle: Scalar,
+    x: Scalar,
+    y: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Scalar:
+    """Return the change of an angle, rad, that leads to the maximum of `overlaps`, or zero if the
+    second derivative is not that of a maximum."""
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    wall = _ROUND if bearing is None else bearing.at(angle)
+    part, rate, change = _of_journal(cosine, sine, journal, axes)
+    slope = y * cosine - x * sine - wall.slope + part.slope * rate
+    bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
+    return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
 
 
 def overlaps(

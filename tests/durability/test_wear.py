@@ -6,12 +6,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.durability.wear_depths import wear_depths
+from clearjoint.durability.wear_depths import quadrature_times, wear_depths
 from clearjoint.laws import ElastoGap
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.1e-3, 20e-3, 1e8
 MASS, SPEED, LOAD = 0.5, 200.0, 1e3
 CYCLE = 2.0 * np.pi / SPEED
+DRAG = 400.0
 RATE = 1e-12
 """Specific wear rate, m^2/N."""
 
@@ -32,8 +33,11 @@ def rate(depth):
     return RATE * 2.0 * STIFFNESS * d * speed * CYCLE / (2.0 * np.pi * RADIUS * LENGTH)
 
 
-def whirling():
-    """A journal that rotates together with its load, so that its contact runs around the wall."""
+def whirling(drag=0.0):
+    """A journal that rotates together with its load, so that its contact runs around the wall.
+
+    A drag, N s/m, damps oscillations along the wall.
+    """
     law = ElastoGap(stiffness=STIFFNESS, damping=1e4, exponent=1.0)
     pin = cj.ClearanceJoint(
         "ground",
@@ -51,6 +55,11 @@ def whirling():
     }
     force = (lambda t: LOAD * jnp.cos(SPEED * t), lambda t: LOAD * jnp.sin(SPEED * t), 0.0)
     forces = {"load": cj.AppliedLoad("rotor", force=force)}
+    if drag > 0.0:
+        # Dampers along x and along y that are so long that their directions don't change.
+        for name, end in {"x": (1e3, 0.0, 0.0), "y": (0.0, 1e3, 0.0)}.items():
+            damper = cj.SpringDamper("ground", "rotor", end, here, stiffness=0.0, damping=drag)
+            forces[f"drag along {name}"] = damper
     scene = cj.Scene({"rotor": cj.Body(MASS, (1e-4, 1e-4, 1e-4))}, joints, forces)
     distance = CLEARANCE + penetration(0.0)
     state = cj.body_state(
@@ -88,12 +97,83 @@ def test_life_is_interpolated(found):
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
 
 
+PARAMETERS = {
+    "clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log()),
+    "stiffness": cj.Parameter(lambda s: s.joints["pin"].law.stiffness.stiffness, cj.Log()),
+    "mass": cj.Parameter(lambda s: s.bodies["rotor"].mass, cj.Log()),
+}
+
+
+GOALS = [10.0, 100.0, 200.0, 300.0]
+"""Numbers of cycles before stages."""
+
+
+def differentiated(parameters, goals, settings=None, **options):
+    scene, state = whirling(DRAG)
+    arguments = scene, state, CYCLE, {"pin": cj.WearRates(bearing=RATE)}, goals, settings
+    return cj.wear(*arguments, parameters=parameters, **OPTIONS | options)
+
+
+def closed_forms(depth, clearance=CLEARANCE, stiffness=STIFFNESS, mass=MASS, wear_rate=RATE):
+    """Number of cycles to a depth, m, by the differential equation of Archard's law."""
+
+    def cycles_per_metre(h, _):
+        # The drag makes the journal lag behind the load, whose component along the normal remains.
+        lag = np.arcsin(DRAG * SPEED * (clearance + h) / LOAD)
+        force = LOAD * np.cos(lag) + mass * SPEED**2 * (clearance + h)
+        d = force / (2.0 * stiffness - mass * SPEED**2)
+        speed = SPEED * (RADIUS + h + 0.5 * d)
+        area = 2.0 * np.pi * RADIUS * LENGTH
+        return [area / (wear_rate * 2.0 * stiffness * d * speed * CYCLE)]
+
+    return solve_ivp(cycles_per_metre, (0.0, depth), [0.0], rtol=1e-12, atol=1e-9).y[0, -1]
+
+
+def require_closed_form(found, depth):
+    """Compare a life, and its derivatives, with the differential equation of Archard's law."""
+    mean = found.mean("angle", keepdims=True)
+    life = cj.cycles_to_depth(mean, depth, "pin")
+    assert life == pytest.approx(closed_forms(depth), rel=2e-3)
+    values = {"clearance": CLEARANCE, "stiffness": STIFFNESS, "mass": MASS, "wear_rate": RATE}
+    for name, derivative in cj.life_derivatives(mean, depth, "pin").items():
+        keyword = "wear_rate" if name == "pin bearing rate" else name
+        value = values[keyword]
+        higher, lower = (closed_forms(depth, **{keyword: value * (1.0 + e)}) for e in (1e-4, -1e-4))
+        assert derivative == pytest.approx((higher - lower) / 2e-4, abs=3e-4 * life), name
+
+
+def test_derivatives_of_life_are_those_of_the_closed_form():
+    found = differentiated({"clearance": PARAMETERS["clearance"]}, GOALS[:1], samples=8)
+    require_closed_form(found, 3e-7)
+
+
+@pytest.mark.slow
+def test_derivatives_of_life_are_those_of_differences():
+    settings = cj.Settings(rtol=1e-10, landing_tolerance=1e-13, derivative_tolerance=1.0)
+    found = differentiated(PARAMETERS, GOALS, settings)
+    require_closed_form(found, 8e-6)
+    # The mean depth, since the contact is narrower than the distance of the angles.
+    derivatives = cj.life_derivatives(found.mean("angle", keepdims=True), 8e-6, "pin")
+    scene, state = whirling(DRAG)
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    for name, number in PARAMETERS.items():
+        lives = []
+        for change in (1e-3, -1e-3):
+            path = number.variation.path
+            other = cj.set_value(scene, path, float(path(scene)) * np.exp(change))
+            run = cj.wear(other, state, CYCLE, rates, GOALS, settings, **OPTIONS)
+            lives.append(cj.cycles_to_depth(run.mean("angle", keepdims=True), 8e-6, "pin"))
+        difference = (lives[0] - lives[1]) / 2e-3
+        assert derivatives[name] == pytest.approx(difference, rel=1e-4), name
+
+
 def test_the_worn_volume_is_that_of_the_reduction():
     scene, state = whirling()
     outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
     save = cj.Saving(steps=True, outputs=outputs)
     solution = cj.simulate(scene, state, CYCLE, save=save, progress=False)
-    depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), 0.0, CYCLE, 24)
+    times = quadrature_times(solution, 0.0, CYCLE, CYCLE)
+    depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
     volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]
     np.testing.assert_allclose(volumes, solution.outputs["wear"] * np.array([1, 2]), rtol=1e-6)
     # The contact stays at one point of the journal.

@@ -334,7 +334,7 @@ class ArchardWear(AbstractWindowedReduction):
         that the contact is in wears."""
         joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
         assert isinstance(joint, HasJournal)
-        speed = self._sliding_speed(now, base)
+        speed = sliding_speed(now, self.joint, base)
         rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
         offset = joint.journal_offset(now.motions, base)
         turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
@@ -343,13 +343,17 @@ class ArchardWear(AbstractWindowedReduction):
         sector = jnp.minimum(sector, self.sectors - 1)
         return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
 
-    def _sliding_speed(self, now: Instant, base: str) -> Scalar:
-        """Return the speed, m/s, at which the surfaces slide on each other at a base. It does not
-        depend on whether the joint has friction."""
-        contact = now.contacts[self.joint][base].contact
-        pair = now.scene.contact_joints()[self.joint].pair()
-        first, second = (now.motions[name] for name in pair)
-        at_second, at_first = contact.arm_second, contact.arm_first
-        sliding: Vector = second.velocity_at(at_second) - first.velocity_at(at_first)
-        slip = slip_velocity(sliding, contact.normal, sliding.dot(contact.normal))
-        return norm_and_direction(slip)[0]
+
+def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
+    """Return the speed, m/s, at which the surfaces of a contact slide on each other, with or
+    without friction.
+
+    **Arguments:** `joint`: name of the joint; `label`: of its contact, such as "V".
+    """
+    contact = now.contacts[joint][label].contact
+    pair = now.scene.contact_joints()[joint].pair()
+    first, second = (now.motions[name] for name in pair)
+    at_second, at_first = contact.arm_second, contact.arm_first
+    sliding: Vector = second.velocity_at(at_second) - first.velocity_at(at_first)
+    slip = slip_velocity(sliding, contact.normal, sliding.dot(contact.normal))
+    return norm_and_direction(slip)[0]

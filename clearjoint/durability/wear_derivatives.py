@@ -1,0 +1,192 @@
+"""Derivatives of the wear of some cycles with respect to parameters.
+
+A parameter changes the wear of a stage directly, and through the depths that were worn off in the
+stages before. Both enter one run with derivatives (`clearjoint.sensitivities`): each of its
+parameters moves a number of the scene and, at the same time, the profiles along the derivatives of
+their depths.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..fields.conversion import on_device
+from ..fields.declarations import quantity
+from ..fields.types import Column
+from ..math.vectors import Scalar
+from ..model.bodies import State
+from ..model.profiles import PeriodicSpline, periodic
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
+from ..parametrisation.scales import AbstractScale
+from ..parametrisation.variations import Change
+from ..result_codes import RESULTS
+from ..simulation.run.sensitivities import sensitivities
+from ..simulation.step.settings import Settings
+from .wear_depths import SIGNALS, Signal, depths_from_signals
+
+Part = Literal["bearing", "journal"]
+PARTS: tuple[Part, Part] = ("bearing", "journal")
+PROFILES = tuple(f"{part}_profile" for part in PARTS)
+Rates = Mapping[str, tuple[float, float]]
+"""Specific wear rates of bearing and journal, m^2/N, by name of the joint."""
+
+
+class MovingSpline(PeriodicSpline):
+    """A worn profile that p parameters move.
+
+    - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
+      parameter, then those with respect to the second, and so on.
+    - `shifts`: (p,) by how much each parameter's coordinate is changed. They are zero: only
+      derivatives with respect to them are taken.
+    """
+
+    # The directions are numbers of the scene because they change from stage to stage, and a change
+    # of anything else would compile the run again.
+    directions: Column = quantity("m", table=True)
+    shifts: Column = quantity("1", table=True)
+
+    def coefficients_around(self, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
+        """Return four coefficients, as `PeriodicSpline` does, that the shifts have moved."""
+        found, count = super().coefficients_around(knot), self.angles()
+        for k in range(np.shape(self.shifts)[0]):
+            row = on_device(self.directions)[k * count : (k + 1) * count]
+            found = found + self.shifts[k] * periodic(row, knot)
+        return found
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A `Change` by which one parameter moves a number and all profiles.
+
+    The value is the distance from the present coordinate of the parameter.
+
+    - `index`: of the parameter.
+    - `joints`: names of the joints that wear.
+    - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate,
+      which the run does not depend on. `scale`, `coordinate`: the parameter's.
+    """
+
+    index: int
+    joints: tuple[str, ...]
+    change: Change | None = None
+    scale: AbstractScale | None = None
+    coordinate: float = 0.0
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        """Return the pair (scene, state) at a distance from the present coordinate."""
+        scene, state = self.without_profiles(scene, state, value)
+        for name in self.joints:
+            for field in PROFILES:
+                profile = getattr(scene.joints[name], field)
+                if isinstance(profile, MovingSpline):
+                    scene = eqx.tree_at(
+                        lambda s, n=name, f=field: getattr(s.joints[n], f).shifts,
+                        scene,
+                        on_device(profile.shifts).at[self.index].add(value),
+                    )
+        return scene, state
+
+    def without_profiles(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        """Return the pair (scene, state) with the number changed, but not the profiles."""
+        if self.change is None or self.scale is None:
+            return scene, state
+        return self.change(scene, state, self.scale.value(self.coordinate + value))
+
+
+def directions_of(
+    scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
+) -> dict[str, Direction]:
+    """Return the directions of the parameters and of the logarithm of each wear rate, by name.
+
+    A wear rate has the name of its joint and part, such as "pin bearing rate".
+    """
+    joints = tuple(rates)
+    found: dict[str, Direction] = {}
+    for name, parameter in parameters.items():
+        change = parameter.variation.setter(scene, state, 0.0)
+        coordinate = float(parameter.coordinate_in(scene, state))
+        number = len(found), joints, change, parameter.scale, coordinate
+        found[name] = Direction(*number)
+    for joint, of_parts in rates.items():
+        for part, rate in zip(PARTS, of_parts, strict=True):
+            if rate > 0.0:
+                found[rate_name(joint, part)] = Direction(len(found), joints)
+    return found
+
+
+def rate_name(joint: str, part: str) -> str:
+    """Return the name of the parameter that is the logarithm of a wear rate."""
+    return f"{joint} {part} rate"
+
+
+def derivatives_in_spans(
+    scene: Scene,
+    state: State,
+    start_time: float,
+    spans: Sequence[Float[np.ndarray, " T"]],
+    rates: Rates,
+    directions: Mapping[str, Direction],
+    settings: Settings | None,
+    samples: int,
+) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
+    """Return the derivatives of the depths that wear off in several parts of a run.
+
+    **Arguments:**
+
+    - `scene`: with `MovingSpline`s as the profiles of parts that wear.
+    - `spans`: `quadrature_times` of each part of the run, s.
+    - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
+    - `directions`: of the p parameters, by name.
+    - `settings`: of the run; by default `clearjoint.presets.derivatives`.
+    - `samples`: number of angles.
+
+    **Returns:** the derivatives, m per unit of each parameter's coordinate, or ``None`` if the run
+    failed; and the result code of the run.
+    """
+    times = np.unique(np.concatenate(spans))
+    outputs = {f"{joint} {name}": Signal(joint, name) for joint in rates for name in SIGNALS}
+    parameters = {name: Parameter.change(along, 0.0) for name, along in directions.items()}
+    run = sensitivities(
+        scene,
+        state,
+        times[-1],
+        parameters,
+        outputs,
+        times,
+        settings,
+        start_time=start_time,
+        throw=False,
+        progress=False,
+    )
+    if run.result != RESULTS.successful:
+        return None, run.result
+    derivatives = np.zeros((len(spans), len(directions), len(rates), len(PARTS), samples))
+    for i, span in enumerate(spans):
+        rows = np.searchsorted(times, span)
+        for j, (joint, of_parts) in enumerate(rates.items()):
+            signals = {name: run.values[f"{joint} {name}"][rows] for name in SIGNALS}
+            for k, (parameter, along) in enumerate(directions.items()):
+                element, element_along = jax.jvp(
+                    lambda value, j=joint, a=along: a(scene, state, value)[0].joints[j],
+                    (0.0,),
+                    (1.0,),
+                )
+                signals_along = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
+                names = (rate_name(joint, part) for part in PARTS)
+                rates_along = [
+                    rate * (name == parameter) for rate, name in zip(of_parts, names, strict=True)
+                ]
+                _, derivatives[i, k, j] = jax.jvp(
+                    lambda element, rates, signals, span=span: depths_from_signals(
+                        element, rates, span, signals, samples
+                    ),
+                    (element, np.asarray(of_parts), signals),
+                    (element_along, np.asarray(rates_along), signals_along),
+                )
+    return derivatives, run.result
