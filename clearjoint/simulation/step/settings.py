@@ -155,8 +155,8 @@ class Settings:
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, to compare
-        runs of several tolerances.
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, for runs
+        that are faster or that are compared with more accurate ones.
 
         **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
         """
