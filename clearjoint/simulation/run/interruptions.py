@@ -33,10 +33,10 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """Return a context in which the first Ctrl-C is only noted, so that a run can stop between two
-    segments.
+    """Return a context manager for a run. The first Ctrl-C in its block raises no error, but is
+    noted, so that the run can stop between two segments and keep its results.
 
-    The value of the context is a function that returns whether Ctrl-C has been pressed. A second
+    Its value is a function that returns whether Ctrl-C has been pressed. A second
     Ctrl-C raises `KeyboardInterrupt` at once. Outside the main thread, and in a program with its
     own handler of SIGINT, the handling of the signal is not changed, and the function returns
     ``False``.
