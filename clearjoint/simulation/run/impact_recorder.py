@@ -110,8 +110,8 @@ class OpenContact(eqx.Module):
             jnp.maximum(row.largest_penetration, peak.depth),
         )
         begins = touches & jnp.logical_not(touched)
-        # A new contact begins at the end of this step. Its peaks are minus infinity, so that the
-        # next step sets them.
+        # The peaks of a contact that began in this step are minus infinity, so that its first whole
+        # step, the next one, sets them.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
