@@ -118,7 +118,7 @@ def segment(
     others as in `begin`.
 
     **Returns:** the run after the segment, and the states at the N times, or ``None`` without
-    times. At times that the run did not reach, the states are not valid.
+    times. At times that the run did not reach, its last state is repeated.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
