@@ -42,6 +42,7 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     ``False``.
     """
     requested = threading.Event()
+    # Python delivers signals to the main thread only, and the handler of a program is respected.
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield requested.is_set
@@ -50,6 +51,7 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     def note(number: int, frame: FrameType | None) -> None:
         del number, frame
         requested.set()
+        # From now on, Ctrl-C raises `KeyboardInterrupt` again.
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     signal.signal(signal.SIGINT, note)

@@ -210,11 +210,13 @@ def followed(
         def observed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
+            """Return the quantities at the time, and no auxiliary result."""
             y = correct(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
+            """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
             along = look_at_tangents(method, latest, time)
             values, _, derivatives = systems.pushed(observed, dense, along)

@@ -52,6 +52,7 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
+            # `check_rising` allows repeated times, which are of no use here.
             steps = np.diff(check_rising(self.times, "times"))
             remedy = "remove repeated times, for example with numpy.unique"
             require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)

@@ -164,6 +164,7 @@ def _controller_decision(
         before = before, magnitudes(scaled(step.tangents.y))
         after = after, magnitudes(scaled(trial.tangents.y))
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+    # `wrap(1)` tells diffrax's controller that time runs forward.
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,

@@ -106,6 +106,7 @@ def across_breakpoints(
     none = {name: jnp.zeros(()) for name in forces}
 
     def corrected(y: Variables) -> Variables:
+        """Return the variables with the changes at all breakpoints where the step ends."""
         if joints:
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
             # move forward again with the new rates. The time of these moves is zero except for

@@ -63,6 +63,7 @@ def across_contacts(
     """
 
     def corrected(y: Variables) -> Variables:
+        """Return y + (f+ - f-) tau, summed over the contacts."""
         times = _contact_times(system.scene, before, system.contact_gaps(y.motion))
         forces = _mean_forces(system, y, entry_speeds)
 

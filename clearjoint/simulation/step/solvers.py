@@ -211,7 +211,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
     """Return the value at x of a polynomial with given coefficients, lowest power first. The
-    coefficient of power 0 must be zero."""
+    coefficient of power 0 must be zero, as in dense output, which is y0 at x = 0."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)

@@ -304,6 +304,7 @@ def _across_discontinuities(
     # All corrections are one function of the system, so that `family` can differentiate them by the
     # parameters. Bristles come last, because they depend on the corrected motion.
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
+        """Return the corrected variables, and no auxiliary result."""
         if contacts:
             time = one_sided_time(system, step.t, t1)
             y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
@@ -351,8 +352,8 @@ def _tangents_after(
             system.scene, entry_speeds, step.contact_gaps, after, second_rates
         ), None
 
-    # The derivatives are taken at the solver's result, from whose gaps the entry speeds were
-    # computed, and not at the corrected one.
+    # The derivatives are taken at the solver's result and not at the corrected one, because the
+    # entry speeds were computed from the solver's result.
     _, _, entry_speed_tangents = family.pushed(
         entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
     )

@@ -57,8 +57,8 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
     ``None`` outside of steps. In a step, forces that depend on time are evaluated between the same
-    two breakpoints, and if steps land on contact events, contacts stay open or closed as they are
-    at the start of the step.
+    two breakpoints. If steps end at contact events, contacts stay open or closed as they are at the
+    start of the step, so that the rates are smooth within it.
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
@@ -66,6 +66,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
         system, entry_speeds = args
+        # At a breakpoint at the end of the step, forces have the values just before it.
         t = one_sided_time(system, t if step is None else step.t, t)
         return traced_rates(system, y, entry_speeds, t, closed_contacts)
 
@@ -163,6 +164,8 @@ def try_step(
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
+        """Return the result of the step, and the solver's result code, as a function of all that
+        depends on the parameters."""
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates with the contacts of the last step. Where a contact has
             # begun or ended, they agree with the new rates, but their derivatives do not, because
@@ -240,7 +243,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     so that the rates which the solver has kept must be computed anew.
 
     Rates are discontinuous at breakpoints, where a contact begins to drag bristles, and where a
-    force jumps at an onset. A new entry speed changes rates too, unless steps land on onsets, where
+    force jumps at an onset. A new entry speed changes rates too, unless steps end at onsets, where
     the force is still zero.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
@@ -250,7 +253,8 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends."""
+    contact begins or ends. There the tangents of the rates that the solver has kept are not
+    valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
