@@ -50,7 +50,8 @@ BY_NUMPY = 8
 """Number of starts of the same structure that are checked in Python, in some milliseconds each. For
 further ones a native program is compiled, which takes microseconds."""
 KEPT = 256
-"""Number of starts of the same structure whose dependent constraints are cached."""
+"""Number of starts of the same structure for which the search for redundant constraints is
+cached."""
 
 
 def check_precision(allow_float32: bool) -> None:

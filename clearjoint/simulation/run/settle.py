@@ -183,7 +183,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
     """Return the range of each array from `columns`, by name: the largest range of any component
-    over the N states, but at least `STILL`, and 1 for orientations."""
+    over the N states, but at least `STILL`, and 1 for orientations, whose components are at most
+    1."""
     sizes = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
     return {name: max(size, STILL) for name, size in sizes.items()} | {"orientation": 1.0}
 

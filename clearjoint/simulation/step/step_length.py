@@ -22,7 +22,7 @@ from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
 """A step counts as cut short if it is shorter than this part of its `full_length`, the length that
-it would have without events."""
+it would have without events. The margin disregards cuts as small as rounding errors."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
