@@ -150,7 +150,8 @@ class WithinContact(AbstractTimeMap):
         """
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
-        # This is (root + change)^2 - root^2, up to its sign, since `length` is end^2 - start^2.
+        # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its
+        # sign, since `length` is end^2 - start^2.
         alike = proposed * (2.0 * root + change) / (self.start + self.end)
         return jnp.where(root + change >= 0.0, alike, proposed)
 

@@ -230,7 +230,7 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
     the start of the step, and with the error `REJECTED_ERROR`.
 
-    Controllers and dense output thus receive no NaN from a trial that will be rejected.
+    The step-size controller thus receives no NaN, and rejects the trial.
     """
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return SolverStep(
