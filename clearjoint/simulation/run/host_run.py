@@ -1,7 +1,7 @@
 """Execution of a run: in segments called from Python, or as part of a computation that JAX traces.
 
-A segment is a number of steps that compiled code takes before it returns to Python; see
-`.segments`.
+A segment is a number of steps that compiled code takes before it returns to Python (see
+`.segments`). The host is the process that runs Python.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,11 @@ from .segments import IMPACTS, REDUCTIONS, SECTIONS, STEPS, SavedStates, emptied
 
 T = TypeVar("T")
 ATTEMPTS_A_SEGMENT = 50_000
+"""Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
+between segments."""
 SAVES_A_SEGMENT = 512
+"""Number of times to save at that a segment receives. It is part of the compiled program, so it is
+the same for all runs."""
 segment_compiled = Native(segment)
 
 
@@ -42,11 +46,12 @@ segment_compiled = Native(segment)
 class Run:
     """A run that is ready to start.
 
-    - `folded_scene`: the scene; its components that are exactly 0 or 1 are marked as constants.
+    - `folded_scene`: the scene; its vector components that are exactly 0 or 1 are marked as
+      constants.
     - `scheme`: integration method and formulation of the equations of motion.
     - `recorders`: the recorders that collect results during the run.
     - `end`: end time, s.
-    - `redundant`: names of the redundant constraints.
+    - `redundant`: names of the redundant constraints, those that depend linearly on others.
     """
 
     folded_scene: ConstantFolded
@@ -58,11 +63,11 @@ class Run:
     def in_one_piece(
         self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
     ) -> Solution:
-        """Run to the end inside a computation that JAX traces.
+        """Run to the end inside a computation that JAX traces, such as under `jax.grad`.
 
         **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
-        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: the kind of loops,
-        which depends on how the run is differentiated.
+        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: JAX's loops, or
+        loops with checkpoints for reverse-mode differentiation.
 
         **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
         repeat the last state. Steps, impacts, sections and outputs are not kept.
@@ -76,6 +81,7 @@ class Run:
         final, result, _ = _end_of(*program, now.step, self.end)
         trajectory = count = None
         if saved is not None:
+            # Without the last row, the end of the run.
             states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
             trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
         counts, ran = (
@@ -166,8 +172,8 @@ class Run:
     def _outputs(self, now: Progress) -> dict[str, float]:
         """Return the results of all reductions at the end of the run `now`.
 
-        They are numbers, by the name of the output, or "name_part" for outputs with several
-        results.
+        They are numbers by the name of the output. An output with several results, which it calls
+        parts, has the names "name_part".
         """
         if not now.records[REDUCTIONS]:
             return {}
@@ -243,6 +249,7 @@ class _SaveTimes:
         left = len(self._times) - self.count
         reached = int(np.asarray(saved.reached)[:left].sum())
         if reached or not self._pieces:
+            # The first piece is kept even without rows, since it shows the structure of a state.
             # Rows are copied, since a slice would keep all rows of its segment in memory.
             self._pieces.append(
                 jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)

@@ -1,7 +1,7 @@
 """Recorder of impacts, for single runs, runs with derivatives and lanes of sweeps.
 
-An impact is a finished contact. While a contact lasts, its peaks are updated after each accepted
-step. When the contact ends, they are written as a row of a buffer.
+An impact is a finished contact. While a contact lasts, its peak force and its largest penetration
+are updated after each accepted step. When the contact ends, they are written as a row of a buffer.
 """
 
 from collections.abc import Mapping
@@ -56,7 +56,8 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return `reported()`. The arguments, which other kinds of rows need, are not used."""
+        """Return the columns of the table of impacts in a row, as `reported` does. The arguments,
+        which rows of other recorders need, are not used."""
         del system, channels
         return self.reported()
 
@@ -90,14 +91,15 @@ class OpenContact(eqx.Module):
 
         **Arguments:** `law`: the contact's law; `end`: the contact at t1.
 
-        **Returns:** the contact after the step, whether it ended in the step, and the row of the
-        contact if so.
+        **Returns:** the contact after the step; whether a contact that began in the run ended in
+        the step; and its row, which is valid only in this case.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
         # The peak mostly lies inside a step, not at its ends.
         peak = peak_in_step(law, start, end, h)
         stronger = peak.force > row.peak_force
+        # End and exit speed are overwritten in each step, until the contact ends.
         row = ImpactRow(
             row.onset,
             t0 + h * end_in_step(law, start, end, h),
@@ -108,7 +110,8 @@ class OpenContact(eqx.Module):
             jnp.maximum(row.largest_penetration, peak.depth),
         )
         begins = touches & jnp.logical_not(touched)
-        # The peaks of a new contact are minus infinity, so that its first whole step sets them.
+        # The peaks of a contact that began in this step are minus infinity, so that its first whole
+        # step, the next one, sets them.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
@@ -186,6 +189,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step
     ) -> dict[str, dict[str, ContactInstant]]:
+        """Return gap, second rate and entry speed of each recorded contact after a step, by joint
+        and contact; `now` is the same instant as `step`."""
         names = now.contacts if self.joint is None else [self.joint]
         forces = {name: now.contacts[name] for name in names}
         second_rates = by_name(_second_rates(method, system, step))

@@ -33,15 +33,16 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """Return a context in which the first Ctrl-C is only noted, so that a run can stop between two
-    segments.
+    """Return a context manager for a run. The first Ctrl-C in its block raises no error, but is
+    noted, so that the run can stop between two segments and keep its results.
 
-    The value of the context is a function that returns whether Ctrl-C has been pressed. A second
+    Its value is a function that returns whether Ctrl-C has been pressed. A second
     Ctrl-C raises `KeyboardInterrupt` at once. Outside the main thread, and in a program with its
     own handler of SIGINT, the handling of the signal is not changed, and the function returns
     ``False``.
     """
     requested = threading.Event()
+    # Python delivers signals to the main thread only, and the handler of a program is respected.
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield requested.is_set
@@ -50,6 +51,7 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     def note(number: int, frame: FrameType | None) -> None:
         del number, frame
         requested.set()
+        # From now on, Ctrl-C raises `KeyboardInterrupt` again.
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     signal.signal(signal.SIGINT, note)

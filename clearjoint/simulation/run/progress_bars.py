@@ -1,8 +1,8 @@
 """Progress of runs on the error stream: a bar in a terminal, a line every half minute in a log
 file.
 
-While a program is compiled, the text says for how long. A thread updates the text once a second,
-since the main thread waits for JAX.
+While a program is being compiled, the text of the bar says for how long. A thread updates this text
+once a second, because the main thread waits for JAX.
 """
 
 import sys
@@ -53,7 +53,8 @@ class ProgressBar(tqdm):
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Show `msg`, or by default the text of the bar, and return whether it was shown.
 
-        In a log file, nothing is shown within `LINE_PERIOD` seconds after the latest line.
+        Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
+        seconds after the latest line.
         """
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
@@ -73,7 +74,8 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Return a context that shows a bar, and the text "compiling, 12 s" in it during compilation.
+    """Return a context manager that shows a bar while its block runs, with a text such as
+    "compiling, 12 s" while a program is being compiled.
 
     If the bar is not to be shown (`bar.disable`), no thread is started.
     """
@@ -92,7 +94,8 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a context for a call that reports no progress: it shows only the time spent compiling.
+    """Return a context manager for a call that reports no progress. It shows only the time spent
+    compiling.
 
     **Arguments:** `show`: whether to show it at all.
     """

@@ -1,4 +1,4 @@
-"""Buffers of rows, and recorders that need no module of their own: of steps, and of reductions.
+"""Buffers of rows, and the recorders of attempts, of states after each step, and of reductions.
 
 A recorder collects data, its record, during a run; see `AbstractRecorder` in `.run_loop`.
 """
@@ -44,13 +44,15 @@ class RowBuffer(eqx.Module, Generic[R]):
     def like(row: R, capacity: int) -> "RowBuffer[R]":
         """Return an empty buffer with room for `capacity` rows of the structure and shapes of
         `row`."""
-        # There is one more row, to which the rows are written for which there is no room.
+        # Rows for which there is no room are written to one further row: JAX moves an index that
+        # is too large to the last one.
         rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
         return RowBuffer(rows, jnp.zeros((), int))
 
     @property
     def capacity(self) -> int:
-        """Number of rows for which the buffer has room, whether they are written or not."""
+        """Number of rows for which the buffer has room, whether they are already written or
+        not."""
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
@@ -59,7 +61,10 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
         """Return the buffer with `row` written behind the last row if `wanted`, otherwise
-        unchanged."""
+        unchanged.
+
+        If there is no room, the row is lost, but `count` increases.
+        """
 
         def write() -> R:
             return jax.tree.map(
@@ -84,7 +89,7 @@ class RowBuffer(eqx.Module, Generic[R]):
 
 class LatestAttempt(AbstractRecorder[Attempt]):
     """Recorder of the latest accepted attempt, from which states and derivatives inside its step
-    follow."""
+    are computed by dense output."""
 
     def start(self, start: RunStart) -> Attempt:
         """Return an attempt that contains the start of the run."""
@@ -96,8 +101,8 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Recorder of the latest accepted step with its dense output, from which states inside the step
-    follow. The solver must be an explicit Runge-Kutta method."""
+    """Recorder of the latest accepted step, from which states inside the step are computed by dense
+    output. The solver must be an explicit Runge-Kutta method."""
 
     def start(self, start: RunStart) -> DenseStep:
         """Return a step of length zero at the start of the run."""
@@ -109,8 +114,8 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time in s and the state then. Vectors are three separate scalars, and alike elements may be
-    combined to groups."""
+    """A time in s and the state then. Vectors are three separate scalars, and elements of the same
+    structure may be combined to groups."""
 
     t: Numbers
     state: State
@@ -137,7 +142,8 @@ class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
 
 
 class ReductionRecorder(AbstractRecorder[PyTree]):
-    """Recorder of a reduction, such as the peak of a force. Its record is the reduction's tally."""
+    """Recorder of a reduction, such as the peak of a force. Its record is the reduction's tally,
+    the data that the reduction carries from step to step."""
 
     reduction: AbstractReduction
 
@@ -151,4 +157,5 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
 
 def _row(system: System, step: Step) -> TimedState:
+    """Return time and state after a step."""
     return TimedState(step.t, state_of(system, step.y, step.entry_speeds))

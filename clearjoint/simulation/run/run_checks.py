@@ -2,6 +2,8 @@
 
 A start is a scene with an initial state, a start time and coordinates. Most checks of starts run in
 Python. For scenes that are run many times, a compiled native program does the same checks faster.
+Starts have the same structure if they differ only in their numbers. Redundant constraints are those
+that depend linearly on others.
 """
 
 import sys
@@ -48,7 +50,8 @@ BY_NUMPY = 8
 """Number of starts of the same structure that are checked in Python, in some milliseconds each. For
 further ones a native program is compiled, which takes microseconds."""
 KEPT = 256
-"""Number of starts of the same structure whose dependent constraints are cached."""
+"""Number of starts of the same structure for which the search for redundant constraints is
+cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -85,9 +88,10 @@ def in_domain(check: Callable[[], None]) -> Condition | None:
     """Return the traced condition that a check passes; ``None`` if the check meets no traced
     numbers.
 
-    The compiled program evaluates the condition once, before the first step.
+    A run that JAX traces cannot raise errors for invalid numbers. Its program evaluates this
+    condition once, before the first step.
 
-    **Arguments:** `check`: a function that raises an error for invalid numbers, if they are known.
+    **Arguments:** `check`: a function that raises an error for invalid numbers if they are known.
     """
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
@@ -105,7 +109,8 @@ def check_start(
 
     **Raises:** `ValueError` that names the cause.
     """
-    # The native check is fast, but cannot say why a start fails. Then it is checked in Python.
+    # The native check is fast, but cannot say why a start fails. A start that fails is therefore
+    # checked again in Python, which raises the error.
     if isinstance(scene, Scene) and isinstance(state, State):
         redundant = starts.redundant(scene, state, start_time, coordinates)
         if redundant is not None:
@@ -160,12 +165,13 @@ def derivative_scheme(
 
 
 _recheck = cached_by_numbers(recheck)
+"""The checks of all numbers in a scene, repeated only for scenes with other numbers."""
 
 
 def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, StartRows | None, bool]:
-    """Return whether a start passes the checks of `check_start`, in a form that can be compiled.
+    """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:**
 
@@ -181,7 +187,8 @@ def _passes(
     holds += [] if numbers is None else numbers
     if not scene.joints:
         return reduce(and_, holds, jnp.asarray(True)), None, numbers is not None
-    # The wrapped functions compute by NumPy; this one is traced.
+    # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
+    # inside of its wrapper is called.
     depths = contact_depths.__wrapped__(scene, state.bodies)
     holds += [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
@@ -191,7 +198,7 @@ def _passes(
     # Position and velocity satisfy the constraints.
     rows = start_rows(scene, coordinates, state, t)
     holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
-    # The coordinates represent the state: it is the same after a round trip through them.
+    # The coordinates represent the state: it is the same after conversion to them and back.
     variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
     # A scene without variables is invalid, because nothing could move.
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
@@ -216,7 +223,7 @@ class _Starts:
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:
-        """Return the number of native programs that have been made to check starts."""
+        """Return the number of native programs that have been compiled to check starts."""
         return self._function.count()
 
     def redundant(
@@ -229,7 +236,8 @@ class _Starts:
         """
         scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
-        # Compiling takes longer than the checks of a few starts.
+        # Compiling takes longer than the checks of a few starts, so the first ones of a structure
+        # are left to Python.
         self._seen[given.key] += 1
         if self._seen[given.key] <= BY_NUMPY or not is_native():
             return None
@@ -242,6 +250,7 @@ class _Starts:
         if not fine:
             return None
         if not with_numbers:
+            # The scene has user-defined classes, whose checks run in Python.
             _recheck(scene)
         if rows is None:
             return ()

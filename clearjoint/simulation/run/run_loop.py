@@ -1,8 +1,8 @@
 """The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
-recorders, which collect data during the run, and in what repeats the body of the loop: JAX's loops,
-or the scheduler of lanes.
+recorders, which collect data during the run. JAX's loops repeat the body of the loop in single
+runs, and the scheduler of lanes repeats it in sweeps.
 """
 
 import abc
@@ -51,7 +51,8 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that contains the state at the start and is zero otherwise."""
+        """An `Attempt` that contains the state at the start and is zero otherwise, as the first
+        record of recorders that keep attempts."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -63,8 +64,9 @@ class StepOutcome:
     """The outcome of an attempt to take a step, as recorders receive it.
 
     - `method`, `system`: solver and step control; the system that is integrated.
-    - `before`, `after`: the complete state of the run before and after the attempt.
-    - `tried`: the attempt.
+    - `before`, `after`: the complete state of the run before and after the attempt. If the step was
+      not accepted, time and variables are the same in both.
+    - `tried`: the attempt, with its data for dense output.
     - `kept`: whether the step was accepted.
 
     The properties are computed only if a recorder uses them.
@@ -130,7 +132,7 @@ class RunLoop:
     - `recorders`: nested dictionaries of recorders; the records have the same keys.
     - `family`: the system as a function of parameters, if the run carries derivatives with respect
       to them.
-    - `loops`: the kind of loops, which depends on how the run is differentiated.
+    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
     - `attempt`: the function that tries a step.
     """
 
@@ -143,7 +145,7 @@ class RunLoop:
     attempt: Callable[..., Attempt] = attempt
 
     def start(self, step: Step) -> Progress:
-        """Return the run before its first step."""
+        """Return the run before its first step: the given state, and the first records."""
         start = RunStart(self, step)
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
@@ -176,10 +178,10 @@ class RunLoop:
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
         """Return the run after further steps, of which the last one ends at or after the time
-        `stop`, s.
+        `stop`, s. A run that is past this time stays unchanged.
 
         The steps end earlier at a failure, after `attempts` attempts since the start of the run,
-        and where the function `goes` of the run returns false.
+        and if the function `goes`, called with the run before each attempt, returns false.
         """
 
         def continues(now: Progress) -> Condition:
@@ -219,14 +221,15 @@ def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
     """Return variables y and entry speeds, m/s, as a `State` whose vectors are three separate
     scalars.
 
-    The keys are those of the system, in which alike elements may be combined to groups.
+    The keys are those of the system, in which elements of the same structure may be combined to
+    groups. `named` replaces them by the names of single elements.
     """
     return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
 def named(state: State) -> State:
-    """Return a state from `state_of` with the names of single elements as keys, instead of those of
-    groups."""
+    """Return a state from `state_of` with the names of single elements as keys, in place of names
+    of groups."""
     return State(
         by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
     )

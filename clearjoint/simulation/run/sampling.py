@@ -1,4 +1,4 @@
-"""Run with tangents that evaluates quantities and their derivatives at given times.
+"""Runs with tangents, which evaluate quantities and their derivatives at given times.
 
 Tangents are derivatives of the variables with respect to p parameters, integrated together with the
 variables. Runge-Kutta methods commute with differentiation: the derivative of a step with respect
@@ -62,9 +62,10 @@ class Kept(eqx.Module):
 
 
 NOTHING_ELSE = Kept()
+"""For runs that return the values of quantities only."""
 IMPACTS_AT_FIRST = 512
-"""Number of impacts of each contact for which the first run has room. If a contact has more
-impacts, the run is repeated with `GROWTH` times as much room."""
+"""Number of impacts of each contact for which the buffers of the first run have room. If a contact
+has more impacts, the run is repeated with `GROWTH` times as much room."""
 
 
 class Sampled(eqx.Module):
@@ -113,6 +114,7 @@ def start_with_tangents(
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
         initial, (family.values,), (jnp.eye(count),)
     )
+    # Entry speeds, bristles and ledger that the initial state lacks are added here.
     system = family.system()
     step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
 
@@ -160,10 +162,10 @@ def followed(
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
     """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
-    given times.
+    given times. This is the whole run of `sensitivities` and fits, as a function that JAX can
+    trace.
 
-    The derivatives are with respect to parameters on their scales, such as logarithms. JAX can
-    trace the function.
+    The derivatives are with respect to parameters on their scales, such as logarithms.
 
     **Arguments:**
 
@@ -193,8 +195,13 @@ def followed(
     no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(systems.values)))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
-        """Run up to a time, and return quantities, derivatives and state there, and whether the run
-        has reached it; `row`: the time, s, and whether it differs from the time before it."""
+        """Continue the run to a time or beyond it.
+
+        **Arguments:** `row`: the time, s, and whether it differs from the time before it.
+
+        **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
+        the run has reached it.
+        """
         time, is_new = row
         # Steps are not shortened to end at the time, since evaluation must not change the motion.
         now = loop.until(time, now, max_steps)
@@ -203,11 +210,13 @@ def followed(
         def observed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
+            """Return the quantities at the time, and no auxiliary result."""
             y = correct(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
+            """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
             along = look_at_tangents(method, latest, time)
             values, _, derivatives = systems.pushed(observed, dense, along)
@@ -268,7 +277,8 @@ sampled_compiled: Native[..., Sampled] = Native(followed)
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Run `followed` with room for all impacts, and return its result as NumPy arrays.
+    """Run `followed`, again with larger buffers if it had no room for all impacts, and return its
+    result as NumPy arrays.
 
     **Arguments:** `arguments`: all arguments of `followed` except `kept`; `states`, `impacts`:
     whether to keep states and impacts; `sections`: recorders of crossings, by name of the section.
@@ -284,7 +294,7 @@ def recorded_run(
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
-    512, 4096 ..."""
+    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`)."""
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

@@ -28,7 +28,8 @@ class Saving:
       states are interpolated by the solver's dense output, so that saving does not change the
       steps.
     - `steps`: keep the state after every accepted step, in `solution.steps`.
-    - `impacts`: keep a table of all finished contacts, in `solution.impacts`.
+    - `impacts`: keep a table of impacts, with one row for each finished contact, in
+      `solution.impacts`.
     - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
       `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
@@ -51,6 +52,7 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
+            # `check_rising` allows repeated times, which are of no use here.
             steps = np.diff(check_rising(self.times, "times"))
             remedy = "remove repeated times, for example with numpy.unique"
             require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
@@ -83,8 +85,8 @@ class Saving:
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the times to save at, (N,) s, or ``None`` if there are none, after checking their
-        range.
+        """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
+        there are none.
 
         **Raises:** `ValueError` for times before `start_time` or after `end_time`, s.
         """
@@ -95,8 +97,9 @@ class Saving:
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
         """Check that results which a kind of run cannot keep are not requested.
 
-        **Arguments:** `names`: names of the fields that request these results; `where`, `remedy`:
-        the kind of run, such as "of a run with derivatives", and the remedy, for the message.
+        **Arguments:** `names`: names of the fields of `Saving` that request these results; `where`,
+        `remedy`: for the error message, the kind of run, such as "of a run with derivatives", and
+        the remedy.
 
         **Raises:** `ValueError` that names the first field that requests something.
         """

@@ -3,8 +3,8 @@ zero.
 
 These instants are called crossings, and the quantities to evaluate there channels. Single runs and
 runs with derivatives compute the channels at each crossing. Lanes of sweeps record the state at
-each crossing, from which the channels are computed later: since lanes are computed side by side,
-every lane would otherwise have to compute them in every step.
+each crossing, from which the channels are computed after the run. Lanes are computed side by side,
+so that otherwise every lane would have to compute the channels in every step.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 Channels = Mapping[str, tuple[Quantity, str]]
-"""Channels by name: pairs of a quantity and the text of its unit."""
+"""Channels by name: pairs of a quantity and its unit as a text, such as "m/s"."""
 PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
@@ -42,6 +42,7 @@ def check_channels(channels: Channels) -> None:
     require_array_names("channels", channels, PASS_CHANNELS)
 
     def is_pair(pair: object) -> bool:
+        """Return whether an object is a tuple of a function and a text."""
         match pair:
             case (quantity, str()):
                 return isinstance(pair, tuple) and callable(quantity)
@@ -56,7 +57,7 @@ def check_channels(channels: Channels) -> None:
 def check_quantities(channels: Channels, scene: Scene) -> None:
     """Check that a scene has the elements that the quantities of channels name.
 
-    **Raises:** `ValueError` that names the channel.
+    **Raises:** `ValueError` that names the first channel for which it has not.
     """
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
@@ -65,8 +66,8 @@ def check_quantities(channels: Channels, scene: Scene) -> None:
 class SectionRecord(eqx.Module):
     """The crossings of a section in a run so far.
 
-    - `level`: the quantity that rises through zero at a crossing, after the latest accepted step,
-      in its unit.
+    - `level`: value, after the latest accepted step, of the quantity that rises through zero at a
+      crossing.
     - `rows`: one row for each crossing; see `SectionRecorder`.
     """
 
@@ -84,7 +85,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
       values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
       state instead.
     - `capacity`: number of rows of the buffer.
-    - `wanted`: largest number of rows in the buffer, by default `capacity`.
+    - `wanted`: number of rows after which no further crossing is recorded or counted, by default
+      `capacity`.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -121,6 +123,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
 
     def _level(self, now: Instant) -> Scalar:
+        """Return the value of the quantity that rises through zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def _crossing(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
@@ -132,6 +135,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         def level(x: Scalar) -> Scalar:
+            # x is the elapsed part of the step's time, 0 to 1.
             return self._level(dense.within(method, x).instant(system))
 
         x = secant_root(level, before, after)
@@ -154,8 +158,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 def with_units(
     crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """Return copies of `crossings`, by name of the section, with the units of the channels, which
-    the `sections` know."""
+    """Return copies of `crossings`, by name of the section, with the units of the channels that the
+    `sections` define."""
     units = {
         name: {key: unit for key, (_, unit) in section.channels.items()}
         for name, section in sections.items()

@@ -27,8 +27,9 @@ from .sections import SectionRecorder
 
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
-"""Keys of the dictionary of recorders: the latest accepted attempt, states after accepted steps,
-and impacts; `SECTIONS` and `REDUCTIONS` lead to dictionaries by the name of the output."""
+"""Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
+`STEPS` the states after accepted steps. The values at `SECTIONS` and `REDUCTIONS` are dictionaries
+by the name of the output."""
 
 
 def recorders_of(
@@ -81,14 +82,14 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> Progress:
-    """Return a run before its first step.
+    """Return a run before its first step, with which the first segment begins.
 
     **Arguments:**
 
     - `scheme`: integration method and formulation of the equations of motion.
     - `folded_scene`, `state`: scene and initial state, in packed form.
     - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
-    - `recorders`: the result of `recorders_of`.
+    - `recorders`: recorders in nested dictionaries, as `recorders_of` returns.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
@@ -113,10 +114,11 @@ def segment(
 
     **Arguments:** `now`: the run so far; `save_times`: (N,) s, rising, times to save at, or
     ``None``; `t_end`: s, end of the run; `attempts`: largest number of attempts since the start of
-    the run; `loops`: the kind of loops, which depends on how the run is differentiated; the others
-    as in `begin`.
+    the run; `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation; the
+    others as in `begin`.
 
-    **Returns:** the run after the segment, and the states at the N times; ``None`` without times.
+    **Returns:** the run after the segment, and the states at the N times, or ``None`` without
+    times. At times that the run did not reach, its last state is repeated.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
@@ -124,7 +126,8 @@ def segment(
         return loop.until(t_end, now, attempts, _has_room), None
 
     def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
-        # Steps go past the save time and are not cut there: saving must not change the motion.
+        # Steps are not shortened to end at the save time, because saving must not change the
+        # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
         return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
@@ -153,4 +156,5 @@ def _has_room(now: Progress) -> Condition:
 
 
 def _is_buffer(tree: object) -> bool:
+    """Return whether an object is a `RowBuffer`, at which JAX's tree functions stop."""
     return isinstance(tree, RowBuffer)

@@ -2,10 +2,10 @@
 
 Automatic differentiation of an adaptive solver gives the derivatives of its computed steps. Near
 impacts these differ from the derivatives of the exact motion. Here, instead, the variational
-equations (the equations of motion, differentiated by the parameters) are integrated together with
-the state, under the same error control. Entry speeds of contacts are differentiated at the true
-onset of a contact, and steps end at onsets within 1e-13 m of penetration. `studies.speed_accuracy`
-measures the accuracy, and `studies.benchmark` the cost.
+equations (the equations of motion, differentiated with respect to the parameters) are integrated
+together with the state, under the same error control. Entry speeds of contacts are differentiated
+at the true onset of a contact, and steps end at onsets within 1e-13 m of penetration.
+`studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
 """
 
 from collections.abc import Mapping
@@ -182,7 +182,8 @@ def sensitivities(
     save.require_none(["steps", "outputs"], *unsupported)
     save.check(scene, settings.ledger)
     saved = save.times_between(start_time, end_time)
-    # One run serves both: outputs and states are evaluated at all times, and selected afterwards.
+    # One run serves both requests: outputs and states are evaluated at the times of both, and
+    # selected afterwards.
     all_times = requested if saved is None else np.union1d(requested, saved)
     family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)

@@ -29,6 +29,7 @@ BLOCK = 10
 PHASES = 16
 """Number of states in each period that are compared with those of another period."""
 SECTION = "settle"
+"""Name of the section in the runs that `settle` makes."""
 
 
 class Settling(enum.Enum):
@@ -108,15 +109,16 @@ SETTLED_STATISTICS = 0.1
 """Two spans of a motion count as having the same statistics if their means, and their standard
 deviations, differ by at most this part of the range of the motion."""
 CONFIRMING = 3
-"""Smallest number of successive periods that must each equal an earlier period in a motion that
-counts as periodic."""
+"""Smallest number of successive periods that must each equal an earlier one in a motion that counts
+as periodic. A motion that counts as steady must be still for as many periods."""
 STILL = 1e-6
-"""Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided."""
+"""Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
+that rounding errors of a motion at rest are not taken for changes."""
 
 
 @dataclass(frozen=True)
 class Strobe:
-    """A motion as D numbers for each of n periods.
+    """A motion as D numbers for each of n periods, in which `settle` looks for repetition.
 
     - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
     - `scales`: (D,), for each column the range of the motion by which its changes are divided.
@@ -150,8 +152,10 @@ class Strobe:
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations in the third and the last quarter of the
-        periods differ by at most `SETTLED_STATISTICS` of the range."""
+        periods differ by at most `SETTLED_STATISTICS` of the range. The transient is assumed to
+        have ended after the first half."""
         quarter = len(self.rows) // 4
+        # The standard deviation of a single period would be zero.
         if quarter < 2:
             return False
         spans = self.rows[-2 * quarter : -quarter], self.rows[-quarter:]
@@ -179,7 +183,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
     """Return the range of each array from `columns`, by name: the largest range of any component
-    over the N states, but at least `STILL`, and 1 for orientations."""
+    over the N states, but at least `STILL`, and 1 for orientations, whose components are at most
+    1."""
     sizes = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
     return {name: max(size, STILL) for name, size in sizes.items()} | {"orientation": 1.0}
 
@@ -200,7 +205,8 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the range of a motion in its `last` states, relative to the range in all states.
+    """Return the range of a motion in the last states, `last` in number, relative to the range in
+    all states. The result is small if the motion has come to rest.
 
     It is the largest of the relative ranges of positions, velocities, spins and orientations.
     """
@@ -297,10 +303,11 @@ def settle(
     )
     with bar:
         while assessment is None:
+            # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
             save, end = Saving(times), float(times[-1])
             if section is not None:
-                # More crossings than `BLOCK` may occur, as the span is only a rough guess.
+                # A run may have more than `BLOCK` crossings, because the span is a rough guess.
                 most = replace(section, count=PHASES * BLOCK, after=time)
                 save = Saving(times, sections={SECTION: most})
             options = {"start_time": time, "throw": False, "progress": False}
@@ -375,7 +382,8 @@ def _strobe(runs: list[Solution], section: Section | None) -> Strobe:
 
 
 def _states(runs: list[Solution]) -> State:
-    """Return the saved states of all runs, whose arrays have a first axis of states."""
+    """Return the saved states of all runs as one state, whose arrays have an additional first axis
+    of times."""
     return jax.tree.map(lambda *rows: np.concatenate(rows), *(run.states for run in runs))
 
 
@@ -385,8 +393,8 @@ def _crossing_times(runs: list[Solution]) -> Float[np.ndarray, " n"]:
 
 
 def _period(period: float | None, section: Section | None, span: float | None) -> float:
-    """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`,
-    or `span` with a section.
+    """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`
+    if it is given, and `span` with a section.
 
     **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given.
     """

@@ -36,6 +36,7 @@ STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
 is full, compiled code returns to Python, which empties all buffers."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
+"""Remedy in the error message for results that a traced run cannot keep."""
 
 
 def simulate(
@@ -103,6 +104,7 @@ def simulate(
     """
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
+    # 1. Checks of the arguments.
     fine = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
     remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
     expected = "a diffrax.RecursiveCheckpointAdjoint or None"
@@ -128,6 +130,8 @@ def simulate(
         times = save.times_between(start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates)
         save.check(scene, settings.ledger)
+    # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
+    # the compiled program.
     folded_scene = fold_constants(scene)
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
@@ -144,6 +148,7 @@ def simulate(
         reductions=save.outputs,
     )
     now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
+    # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
     run = Run(folded_scene, scheme, recorders, end, redundant)
     if traced:
         if admissible is not None:
@@ -173,8 +178,8 @@ def _array(number: Numbers, traced: bool) -> Any:
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Warn of journals outside their bearings, and of contacts deeper than their laws' ranges of
-    validity.
+    """Issue the warnings of a finished run: of journals outside their bearings, and of contacts
+    deeper than their laws' ranges of validity.
 
     **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
     """

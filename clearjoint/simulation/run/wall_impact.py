@@ -20,7 +20,10 @@ from ...model.contact.laws import AbstractContactLaw, contact_normal_force
 from .run_checks import check_precision
 
 TOLERANCE = 1e-11
+"""Relative tolerance of each step, and of the time at which the force ends."""
 STEPS_A_CONTACT = 500
+"""Smallest number of steps during the contact. The peaks are found between the ends of steps by
+parabolas, which are accurate if steps are short."""
 LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
@@ -35,7 +38,7 @@ class FreeImpact:
     - `restitution`: rebound speed over entry speed.
     - `peak_force`: N, largest normal force.
     - `largest_penetration`: m.
-    - `duration`: s, time from the begin of the force to its end.
+    - `duration`: s, time from the beginning of the force to its end.
 
     >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
@@ -74,8 +77,10 @@ def free_impact(
     """
     check_precision(allow_float32=False)
     wall = (bearing_radius, clearance)
+    # The first run finds the duration.
     mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
     whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))
+    # diffrax fills the rows for steps that were not taken with infinity.
     times = np.asarray(whole.ts)
     duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
     rebounds = bool(whole.result == diffrax.RESULTS.event_occurred)
@@ -115,10 +120,14 @@ def _contact(
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
 
+    # The force begins and ends at a penetration of minus `gap`.
     gap = jnp.asarray(law.onset_offset(), dtype=float)
     leaving = diffrax.Event(
         lambda t, y, args, **_: y[0] + gap, optimistix.Newton(TOLERANCE, 1e-16), direction=False
     )
+    # The absolute tolerances, 1e-16 s and 1e-18 (m and m/s), are far below the times and
+    # penetrations of impacts, so that the relative ones decide. The first step, 1e-9 s, is far
+    # shorter than an impact of usual stiffness.
     return diffrax.diffeqsolve(
         diffrax.ODETerm(rates),
         diffrax.Dopri8(),
@@ -135,7 +144,7 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Return the peak of a sampled curve, (N,): that of the parabola through its largest value and
-    the values beside it."""
+    """Return the peak of a curve that is sampled at N points, (N,). It is the peak of the parabola
+    through the largest value and the values beside it."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])

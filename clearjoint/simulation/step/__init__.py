@@ -1,2 +1,2 @@
-"""One step of a run: a trial step, its acceptance, its adjustment to end at events, and
-derivatives."""
+"""Steps of a run: trial steps, their acceptance, their adjustment so that they end at events, and
+their derivatives with respect to parameters."""

@@ -1,7 +1,8 @@
 """Decide whether a trial step is accepted, how long the next one is, and whether the run failed.
 
 An event is the onset or the end of a contact. Landing is the adjustment of a step so that it ends
-at an event. Tangents are derivatives of the variables with respect to parameters.
+at an event. Rates are time derivatives of the integrated variables. Tangents are derivatives of the
+variables with respect to parameters.
 """
 
 from typing import Any, TypeAlias
@@ -33,14 +34,15 @@ Flag: TypeAlias = Bool[Any, ""]
 
 DRIVER_TOLERANCE = 3.0
 """Largest difference between a driver's change over a step and the integral of its rate, as a
-multiple of the step's relative tolerance. A driver is a constraint that prescribes a motion as a
-function of time."""
+multiple of the step's relative tolerance. It leaves room for the error of the quadrature. A driver
+is a constraint that prescribes a motion as a function of time."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed
 steps."""
 SHORTER = 0.2
 """Length of the next trial, relative to the last one, after a trial that is rejected because a
-driver is not smooth."""
+driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
+step."""
 
 
 class StepDecision(eqx.Module):
@@ -89,6 +91,7 @@ def decide_step(
 
     # 2. Length of the next step. The controller counts in its own time variable, in which the error
     # is smooth; the time map converts its proposal to seconds.
+    # The next step begins where this one ends, or where it began if it is rejected.
     full_length = t_next - jnp.where(keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, keep)
@@ -121,6 +124,7 @@ def decide_step(
         # Across an undeclared jump the states stay correct, but the derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial, after)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+    # 5. Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
     if since is not None:
         latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
@@ -140,13 +144,13 @@ def decide_step(
 def _controller_decision(
     method: Method, system: System, step: Step, trial: Trial
 ) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
-    """Ask diffrax's step-size controller about a trial step from `step`.
+    """Return the decision of diffrax's step-size controller about a trial step from `step`.
 
     It gets the errors of variables and tangents together. Since it has one tolerance for both,
     errors of tangents are divided by `derivative_tolerance` first.
 
-    **Returns:** whether the trial is accepted; the end of the next step, s; whether the rates may
-    jump there; the controller's new state; and its result code.
+    **Returns:** whether the trial is accepted; the proposed end of the next step, s; whether the
+    rates may jump at the start of the next step; the controller's new state; and its result code.
     """
 
     def scaled(y: Variables) -> Variables:
@@ -160,6 +164,7 @@ def _controller_decision(
         before = before, magnitudes(scaled(step.tangents.y))
         after = after, magnitudes(scaled(trial.tangents.y))
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+    # `wrap(1)` tells diffrax's controller that time runs forward.
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,

@@ -1,9 +1,11 @@
-"""Corrections of a step that ends at a breakpoint: velocity jumps, and derivatives by parameters.
+"""Corrections of a step that ends at a breakpoint: of velocities that jump, and of derivatives with
+respect to parameters.
 
 A breakpoint is a declared time at which a driver or load changes abruptly. A step that ends at a
 breakpoint is corrected as in `.saltation`: the change of the rates at the breakpoint, times the
-time since the breakpoint, is added to the variables. This time is zero except for rounding, but it
-has derivatives by the parameters on which the breakpoint depends. Where the angle of a driver has a
+time since the breakpoint, is added to the variables. Rates are time derivatives of the variables.
+The time since the breakpoint is zero except for rounding, but it has derivatives with respect to
+the parameters on which the breakpoint depends. Where the angle of a driver has a
 kink, an impulse of the constraints changes the velocities. The new velocities are those that
 satisfy the constraints and differ least from the old ones, in the metric of the mass matrix.
 
@@ -34,6 +36,9 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly between their values at two times.
+
+    With times just before and just after a breakpoint, the derivative of the rates with respect to
+    `share` is the change of the rates at the breakpoint.
 
     - `force`: the force; `before`, `after`: the two times of the scene, s.
     - `share`: position between the two values, 0 for those at `before` and 1 for those at `after`.
@@ -87,17 +92,21 @@ def across_breakpoints(
     """
     scene = system.scene
     since = since_breakpoints(system, start, t)
+    # By name of the element: whether the step ends at one of its breakpoints, and the time since.
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
+    # Times just before and just after the breakpoint, at which elements are evaluated.
     before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         between = _with_shares(system, before, after, shares)
         return jax.tree.map(jnp.asarray, rates_of(between, y, entry_speeds, time))
 
+    # Shares of zero: all forces are as they were before their breakpoints.
     none = {name: jnp.zeros(()) for name in forces}
 
     def corrected(y: Variables) -> Variables:
+        """Return the variables with the changes at all breakpoints where the step ends."""
         if joints:
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
             # move forward again with the new rates. The time of these moves is zero except for
@@ -146,7 +155,8 @@ def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
 
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables with velocities that satisfy the constraints just after the time t, s.
+    """Return the variables with velocities that satisfy the constraints just after the time t, s,
+    at which the angle of a driver has a kink.
 
     The energy ledger counts the kinetic energy that the impulse of the constraints adds as
     "supplied".

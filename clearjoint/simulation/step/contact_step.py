@@ -1,4 +1,4 @@
-"""Peak and end of a contact within one step, from its gap at the ends of the step.
+"""Peak and end of a contact within one step, from the depth and its rate at the ends of the step.
 
 The depth of a contact (its penetration, m) is interpolated by a quintic polynomial through its
 value, first and second time derivative at both ends of the step, which is two orders more accurate
@@ -29,9 +29,8 @@ from ...model.contact.laws import AbstractContactLaw, contact_normal_force
 from ...model.joints.base import ByLabel
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest distance, m, covered in a step at entry speed for which rates inside the step are
-computed from depths. In a shorter step, rounding errors of the depths dominate their
-differences."""
+"""Smallest length of a step, times the entry speed, m, at which rates inside the step are computed
+from depths. In a shorter step, rounding errors of the depths dominate their differences."""
 PIECES = 4
 """Number of equal intervals into which a step is divided for the first search of its peak. If steps
 do not end at contact events, one step may contain a whole contact."""
@@ -51,10 +50,10 @@ class ContactInstant(eqx.Module):
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Return whether the contact has a force under a contact law.
+        """Return whether the contact has a force under its contact law.
 
-        It has one if its entry speed is set or, for a law that uses no entry speed, if its depth is
-        beyond the onset of the force.
+        It has one if its entry speed is not zero or, for a law that uses no entry speed, if its
+        depth is beyond the onset of the force.
         """
         if self.entry_speed is None:
             return self.gap.depth + law.onset_offset() > 0.0
@@ -71,9 +70,9 @@ def contact_instants(
 ) -> ByLabel[ContactInstant]:
     """Return all contacts at one instant, by joint and contact.
 
-    **Arguments:** all by joint and contact, `forces`: contacts with their forces; `second_rates`:
-    second time derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts whose law uses
-    them.
+    **Arguments:** all are by joint and contact; `forces`: contacts with their forces;
+    `second_rates`: second time derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts
+    whose law uses them.
     """
     return {
         name: {
@@ -125,11 +124,12 @@ def peak_in_step(
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
-    """Return the largest value of a function on the interval 0 to 1, and where it is.
+    """Return the largest value of a function on the interval 0 to 1, and its position.
 
     The function is evaluated at `PIECES` + 1 equidistant points. The peak is refined around the
     inner point with the largest value, and the values at both ends are compared with the result.
     """
+    # Among all triples of neighbouring points, the one with the highest middle point is selected.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     first, middle, last = points[:3]
     for k in range(2, PIECES):
@@ -147,20 +147,24 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
 def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
-    """Return the part of the time of a step of length h, s, after which a contact ends, 0 to 1; 1
-    if it does not end.
+    """Return the fraction, 0 to 1, of a step of length h, s, after which a contact ends; 1 if it
+    does not end in the step.
 
     The depth is interpolated by the cubic through depths and rates at `start`, where the contact
     must exist, and at `end`.
     """
+    # Depths are counted from the onset of the force.
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
 
 def begin_before(law: AbstractContactLaw, instant: ContactInstant) -> Scalar:
-    """Return the time, s, from the onset of a contact to an instant just after the onset: depth
-    over rate."""
+    """Return the time, s, from the onset of a contact to an instant just after it.
+
+    It is the depth beyond the onset of the force, divided by its rate. Steps end just after an
+    onset, so the rate hardly changes in this time.
+    """
     return (instant.gap.depth + law.onset_offset()) / instant.gap.rate
 
 
@@ -171,4 +175,5 @@ def _array(leaf: Scalar) -> jax.Array:
 
 
 def _bend(at: ContactInstant) -> Bend:
+    """Return depth, rate and second rate of a contact, as interpolation needs them."""
     return Bend(at.gap.depth, at.gap.rate, at.second_rate)

@@ -1,7 +1,7 @@
 """States inside an accepted step by dense output, the solver's interpolant between the step's ends.
 
-After the interpolation the state is corrected onto the constraints, if the stabilisation demands
-it. Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
+Where the stabilisation projects states onto the constraints, interpolated states are projected too.
+Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
 without an origin it shows the scene's time.
 """
 
@@ -27,8 +27,8 @@ from .time_map import AbstractTimeMap
 def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
-    """Return the variables and entry speeds, m/s, at a time t, s, of the accepted step of an
-    `attempt`.
+    """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
+    s, of the accepted step of an `attempt`.
 
     Before the end of the step, entry speeds are those of its start. At the end, variables and entry
     speeds are the stored ones, which contain the corrections for events there.
@@ -59,8 +59,8 @@ def correct(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at the end t, s, of a step, corrected by the stabilisation of the
     constraints.
 
-    The energy that a projection onto the constraints removes is added to the integral
-    "stabilisation" of the energy ledger.
+    The energy that a projection onto the constraints removes, J, is added to the integral
+    "stabilisation" of the energy ledger, if the run has one.
     """
 
     def energy(motion: MotionVariables) -> Scalar:
@@ -83,8 +83,8 @@ def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver is an explicit Runge-Kutta method, as dense output in scalar form
-    requires.
+    """Check that a solver is an explicit Runge-Kutta method. Only for these does the package
+    compute quantities and derivatives inside steps.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -127,8 +127,11 @@ class DenseStep(eqx.Module):
     """The latest accepted step of a run, with the data for dense output.
 
     - `start`, `end`: the states at its ends.
-    - `stages`: the rates in each stage of the solver.
-    - `time_map`: how time passes in the step, uniformly if ``None``.
+    - `stages`: for each stage of the solver, the time derivatives of the variables, per s,
+      multiplied by the slope of the time map if there is one.
+    - `time_map`: function of the fraction x at which the solver's tableau places a stage, 0 to 1.
+      Its value is the part of the step's time, 0 to 1, that has elapsed at this stage. With
+      ``None`` the two are equal. See `.time_map`.
     """
 
     start: Snapshot
@@ -149,7 +152,8 @@ class DenseStep(eqx.Module):
         )
 
     def inside(self, method: Method, elapsed: Scalar) -> Variables:
-        """Return the variables after a part `elapsed`, 0 to 1, of the step's time."""
+        """Return the variables after a part `elapsed`, 0 to 1, of the step's time, without
+        correction by the stabilisation."""
         assert isinstance(method.solver, UnrolledExplicit)
         start, end = self.start, self.end
         dense = DenseOutput(method.solver.method, start.t, end.t, start.y, self.stages)
@@ -157,7 +161,7 @@ class DenseStep(eqx.Module):
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
         """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
-        speeds of the step's start.
+        speeds of the step's start and without correction by the stabilisation.
 
         **Raises:** `ValueError` if the solver is not an explicit Runge-Kutta method.
         """
@@ -166,8 +170,8 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, of the step, on the clock of the run's system. At the
-        end of the step it is the stored `end`."""
+        """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
+        without correction by the stabilisation. At the end of the step it is the stored `end`."""
         length = self.end.t - self.start.t
         elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t

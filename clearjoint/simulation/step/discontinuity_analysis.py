@@ -39,7 +39,8 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 
 
 def require_declared(scene: Scene) -> None:
-    """Check that every element of a scene that compares numbers with time declares its breakpoints.
+    """Check that every element of a scene that may change abruptly at some time, because it
+    compares or rounds a number that depends on time, declares its breakpoints.
 
     **Raises:** `ValueError` that names the first element without declared breakpoints.
     """
@@ -57,6 +58,7 @@ def require_declared(scene: Scene) -> None:
             for function in _undeclared_functions_of_time(element):
                 smooth, kind = not _function_compares_time(function), type(function).__name__
                 require(smooth, argument, kind.strip("_"), f"{expected}, {PURPOSE}", remedy)
+            # The class inherits `breakpoints`, which declares none.
             silent = type(element).breakpoints is AbstractElement.breakpoints
             smooth, kind = not silent or not _packed_element_compares_time(element), type(element)
             expected = f"smooth in time, or declare its breakpoints, {PURPOSE}"
@@ -74,8 +76,12 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 @cached_by_numbers
 def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
-    """Return whether a function of time compares numbers with its argument. Its numbers are arrays,
-    as in the scene that the user made."""
+    """Return whether the value of a function of time may have a jump or a kink, because the
+    function compares, rounds or clips a number that depends on time.
+
+    The function is an element's part as in the scene that the user made, with vectors as arrays
+    (3,).
+    """
     program = program_of(unpack(function), 0.0)[0].jaxpr
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
@@ -88,25 +94,34 @@ def _packed_element_compares_time(element: AbstractElement) -> bool:
 
 
 def compares_time(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element depend on a comparison of a
-    number with time. Each vector of the element is three separate scalars."""
+    """Return whether the forces or constraint rates of an element may have a jump or a kink in
+    time, because they depend on an operation that compares, rounds or clips a number that depends
+    on time.
+
+    **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
+    each.
+    """
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[0]}, KINKED)
 
 
 def may_jump_by_motion(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element depend on a comparison of a
-    position or velocity, so that they may jump there. Each vector of the element is three separate
-    scalars."""
+    """Return whether the forces or constraint rates of an element may jump at some position or
+    velocity, because they depend on an operation that compares or rounds such a number.
+
+    **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
+    each.
+    """
     program = _program_of_element(element)
     return _branches(_needed(program), {program.invars[1]}, JUMPING)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Return the traced program of an element, whose vectors are three separate scalars each.
+    """Return the traced program (jaxpr) of an element's forces or constraint rates. The vectors of
+    the element are three separate scalars each.
 
     The program has two arguments: the time, and one number that stands for every component of the
-    motion.
+    motion. For the search it does not matter on which component a comparison depends.
     """
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:

@@ -27,10 +27,11 @@ from .step_state import Method, Step
 from .trial_step import Trial, term_of
 
 PACKAGE = __name__.split(".")[0] + "."
+"""Beginning of the names of this package's modules."""
 STEEPEST = 4.0
 """Largest change of a smooth rate over a step, as a multiple of the sum of the changes that the
-slopes at both ends of the step predict. The change of a smooth rate is half of this sum, up to a
-third derivative that the tolerances keep small."""
+slopes at both ends of the step predict. The change of a smooth rate is about half of this sum. The
+limit is eight times as large, so that a strongly curved rate is not taken for one that jumps."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
 times the largest of all rates."""
@@ -53,12 +54,14 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 def has_undeclared_jump(
     method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
 ) -> Condition:
-    """Return whether any rate of the motion jumps within a trial step.
+    """Return whether any rate of the motion, the time derivative of a coordinate or velocity, jumps
+    within a trial step.
 
     Steps end at breakpoints and at contact events, so these are not inside the step. The check is
     skipped if the step ends at the onset or the end of a contact whose force jumps there.
 
-    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at its end.
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
+    trial.
     """
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 

@@ -18,20 +18,21 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""Longest time past an event at which a step may end, s. Multiplied by the penetration rate, it
-gives the depth within which steps of slow contacts must land: the penetration at the landing stores
-elastic energy that no work has supplied, and a slow impact may not even reach the landing
-tolerance."""
+"""Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
+the penetration rate is less than the landing tolerance, and steps must land within this smaller
+depth. The elastic energy at the depth where a step lands was supplied by no work, and a slow impact
+may be less deep than the landing tolerance."""
 CLOSEST = 1e-4
-"""Smallest depth within which a step is required to land, as a multiple of the landing tolerance.
-Rounding errors of the penetration are as large in slow contacts as in fast ones."""
+"""Smallest depth within which a step must land, relative to the landing tolerance. Without this
+bound, rounding errors of the penetration, which do not become smaller in slow contacts, could make
+it impossible to land."""
 
 
 class Landing(eqx.Module):
     """Rule by which steps end at the instants where contacts begin and end.
 
-    **Arguments:** `tolerance`: m, the depth within which a step must end at an event. In slow
-    contacts the depth is smaller, in proportion to their penetration rate.
+    **Arguments:** `tolerance`: m, largest depth past an event at which a step may end. In slow
+    contacts the allowed depth is smaller, in proportion to the penetration rate.
     """
 
     tolerance: Scalar
@@ -95,6 +96,7 @@ class Landing(eqx.Module):
         **Returns:** whether the step must be repeated, and the time at which it must end then, s.
         """
         h = t1 - t0
+        # Times that differ by less are not distinguished, because of rounding errors.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
         may_pass = any_of(
             ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
@@ -117,8 +119,8 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
-        """Return the fraction, 0 to 1, at which a step of length h, s, must end for the sake of one
-        contact; 1 if the step need not be repeated.
+        """Return the fraction, 0 to 1, of a step of length h, s, at which the repeated step must
+        end to land on an event of one contact; 1 if the step need not be repeated.
 
         At this fraction the penetration is half the landing depth past its change of sign.
 
@@ -160,13 +162,14 @@ class Landing(eqx.Module):
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
         ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
         inner = ContactGap(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
+        # A contact, or a flight, that remains within the tolerance is ignored.
         beyond = inwards * inner.depth > self.tolerance
         return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
 
 
 def _inwards(gap: ContactGap) -> Scalar:
     """Return the sign, 1 or -1, that the penetration of a contact will have after the contact's
-    next event."""
+    next event: 1 in flight, and -1 during the contact."""
     return jnp.where(gap.depth > 0.0, -1.0, 1.0)
 
 

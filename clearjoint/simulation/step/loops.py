@@ -24,9 +24,9 @@ from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
 
 CHECKPOINTS = 300
-"""Number of checkpoints if the adjoint does not specify it. A run of 894 steps took 4.4 times as
-long with 4471 checkpoints as with 300, and a run of 36 000 steps took 1.5 times as long with
-120."""
+"""Number of checkpoints if the argument `adjoint` of `simulate` does not specify it. A run of 894
+steps took 4.4 times as long with 4471 checkpoints as with 300, and a run of 36 000 steps took 1.5
+times as long with 120 as with 300."""
 REMEDY = (
     "Reverse-mode differentiation of `simulate` needs checkpoints: pass "
     "adjoint=diffrax.RecursiveCheckpointAdjoint() to it. For few parameters forward mode, "
@@ -49,10 +49,11 @@ class Loops(eqx.Module):
     checkpoints: int | None = eqx.field(default=None, static=True)
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step from `step`, at most to `t_end`, s; see the function `attempt` in
-        `.stepping`.
+        """Try one step from `step`, at most to `t_end`, s, and return its outcome; see the function
+        `attempt` in `.stepping`.
 
-        In loops with checkpoints, the derivatives of a trial that is not finite are zero.
+        In loops with checkpoints, a trial whose numbers are not finite has derivatives of zero, so
+        that it does not spoil those of the run.
         """
         function = attempt if self.checkpoints is None else _attempt_without_overflow
         return function(method, system, step, t_end)
@@ -61,7 +62,7 @@ class Loops(eqx.Module):
         self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
         """Apply `body` to a carry, whose first value is `start`, as long as `condition` holds for
-        the carry, and return its last value, like `jax.lax.while_loop`."""
+        the carry, and return the carry's last value, as `jax.lax.while_loop` does."""
         if self.checkpoints is None:
             return jax.lax.while_loop(condition, body, start)
         return eqxi.while_loop(
@@ -84,8 +85,8 @@ class Loops(eqx.Module):
         return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), start, items)
 
     def closed(self, outcome: Carry) -> Carry:
-        """Return the result of a run unchanged. A reverse pass from it raises a `RuntimeError` with
-        the remedy if the loops do not support reverse mode."""
+        """Return the final result of a run unchanged, but such that reverse-mode differentiation
+        raises a `RuntimeError` that names the remedy, if the loops do not support this mode."""
         if self.checkpoints is None:
             return eqxi.nondifferentiable_backward(outcome, msg=REMEDY)
         return outcome
@@ -96,6 +97,7 @@ PLAIN = Loops()
 
 
 _attempt = Compiled(attempt)
+"""The function `attempt` as a program of its own, so that JAX traces it once for several calls."""
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> Loops:
@@ -142,7 +144,7 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
 
     # If the trial is not finite, both the input and the output of the derivative are set to zero,
     # so that neither pass multiplies zero by infinity. The step stays as it was before the trial,
-    # and keeps the tangents that it had.
+    # and keeps the tangents that it had. They are those of the third argument, `step`.
     along = gated(derivative(gated(tangents)))
     step = choose(finite, along.step, tangents[2])
     return eqx.combine(outcome, rest), replace(along, step=step)
@@ -151,8 +153,9 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
 def _is_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree, and their squares, are finite.
 
-    Each square is multiplied by zero, which gives NaN for an infinity or a NaN, and the products
-    are added.
+    Derivatives of a trial contain products of its numbers, so they may overflow where the numbers
+    themselves do not. Each square is multiplied by zero, which gives NaN for an infinity or a NaN,
+    and the products are added.
     """
     total: Scalar = 0.0
     for leaf in jax.tree.leaves(tree):

@@ -1,4 +1,5 @@
-"""Numerical scheme of a run: the integration method and the formulation of the equations of motion.
+"""Numerical scheme of a run: the integration method, and the formulation of the equations of motion
+(coordinates, stabilisation of the constraints, and energy ledger).
 
 Scenes have two forms: packed, with each vector as an array (3,), and scalar, with each vector as
 three separate scalars (a `Vector`). Runs receive packed scenes; the equations of motion are
@@ -22,22 +23,29 @@ from .step_state import Method
 
 
 class Scheme(eqx.Module):
-    """Integration method and formulation of the equations of motion of a run; no part depends on
-    the scene."""
+    """Integration method and formulation of the equations of motion of a run. No part depends on
+    the scene, so that runs of different scenes may use the same scheme.
+
+    - `method`: solver, step-size controller, and the rule by which steps end at contact events.
+    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
+    """
 
     method: Method
     formulation: Formulation
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for given settings, with its numbers as JAX arrays.
+        """Return the scheme for the settings of a run, with its numbers as JAX arrays.
 
         **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
         used if `settings.redundant` is ``None``.
         """
         redundant = redundant if settings.redundant is None else settings.redundant
+        # The arguments of `Formulation`.
         choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
+        # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
+        # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
         atol = rtol * 1e-5 if atol is None else atol
         controller = settings.controller
         method = Method(
@@ -47,8 +55,9 @@ class Scheme(eqx.Module):
         )
 
         def array(leaf: object) -> object:
-            # With arrays, a new value does not compile anew. Zeros remain Python numbers, because
-            # the step-size controller leaves out terms with a coefficient of zero.
+            # JAX compiles a program for each value of a Python number, but only one for all values
+            # of an array. As arrays, other tolerances use the same program. Zeros remain Python
+            # numbers, because diffrax's controller omits terms whose coefficient is such a zero.
             is_number = isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)
             return jax.device_put(leaf) if is_number else leaf
 
@@ -56,8 +65,8 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme as `of` does, but with NumPy numbers; it is cached for equal
-        settings."""
+        """Return the scheme as `of` does, but with NumPy arrays, for calls from Python in which JAX
+        traces nothing. The result is cached for equal settings."""
         return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
@@ -66,11 +75,15 @@ class Scheme(eqx.Module):
 
     def unpacked(self, folded_scene: ConstantFolded) -> System:
         """Return the system of equations that a run integrates, for a scene in packed form.
-        `folded_scene` marks the components that are exactly 0 or 1, which become constants of the
-        program."""
+
+        **Arguments:** `folded_scene`: the scene, with marks at vector components that are exactly 0
+        or 1. These become constants of the compiled program.
+        """
         return self.system(unpack(folded_scene))
 
 
 @cached_by_numbers
 def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
+    """Return `Scheme.of` with NumPy arrays. The fields of `Settings` are passed in a dictionary, a
+    PyTree, as the cache requires."""
     return jax.device_get(Scheme.of(Settings(**settings), redundant))

@@ -1,12 +1,12 @@
 """Correction of a step that ends at a discontinuity of a contact force, mainly of its derivatives.
 
-The event is the onset or the end of a contact. Its time depends on the parameters by which the
-motion is differentiated, but the step that lands on the event ends at a time t1 that is not
-differentiated. Let tau be the time from the event to t1, s. The landing makes tau zero except for
-rounding, but not the derivative of tau. The step was computed with the rates f- before the event;
-the rates after the event are f+. The corrected state y + (f+ - f-) tau has the derivatives of the
-motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004, section 7.3), in
-forward and in reverse mode.
+The event is the onset or the end of a contact. Its time depends on the parameters with respect to
+which the motion is differentiated, but the step that lands on the event ends at a time t1 that is
+not differentiated. Let tau be the time from the event to t1, s. The landing makes tau zero except
+for rounding, but not the derivative of tau. The step was computed with the rates f- (time
+derivatives of the variables y) before the event; the rates after the event are f+. The corrected
+state y + (f+ - f-) tau has the derivatives of the motion across the event (the saltation matrix:
+R. I. Leine, H. Nijmeijer 2004, section 7.3), in forward and in reverse mode.
 
 The contact force in f+ is a mean over the time tau. If the force is continuous and only its slope
 K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. Without
@@ -51,6 +51,9 @@ def across_contacts(
 ) -> Variables:
     """Return the variables at the end of a step, corrected for contacts that begin or end there.
 
+    The correction changes the variables themselves by rounding errors only, but it adds the
+    saltation to their derivatives.
+
     **Arguments:**
 
     - `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the step, by
@@ -60,10 +63,12 @@ def across_contacts(
     """
 
     def corrected(y: Variables) -> Variables:
+        """Return y + (f+ - f-) tau, summed over the contacts."""
         times = _contact_times(system.scene, before, system.contact_gaps(y.motion))
         forces = _mean_forces(system, y, entry_speeds)
 
         def rates(times: ByLabel[Scalar]) -> Variables:
+            # Each force times the time for which the step lacks it.
             impulses = {
                 name: {
                     label: _multiplied(forces[name][label], time) for label, time in family.items()
@@ -100,6 +105,7 @@ def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
 
 
 def _changes(before: ContactGap, after: ContactGap) -> Condition:
+    """Return whether a contact begins or ends between two instants."""
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
@@ -169,9 +175,12 @@ def _mean_force(
 ) -> LoadedContact:
     """Return the mean force of one contact over the time from the event to the end of the step.
 
-    **Arguments:** `speed`: entry speed, m/s, zero in flight, ``None`` if the law does not use it;
-    `bristles`: deflections of the joint's contacts, m.
+    **Arguments:** `joint`, `label`: the contact's joint and its label there; `contact`: its
+    geometry at the end of the step; `speed`: entry speed, m/s, zero in flight, ``None`` if the law
+    does not use it; `motions`: pose and velocities of each body; `bristles`: deflections of the
+    joint's contacts, m, by label.
     """
+    # The contact counts as closed, so that it has a force also if the step ends just outside.
     law, closed = joint.laws()[label], jnp.asarray(True)
     if speed is not None:
         # A contact that begins at this event has no entry speed yet. It will get its present rate.
@@ -183,6 +192,8 @@ def _mean_force(
     def at_depth(depth: Scalar) -> LoadedContact:
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
+    # At the wall, where the force begins, the depth is minus `onset_offset`. `INSIDE` is the
+    # smallest number by which a depth can be beyond that.
     # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
     # step ends outside of it.
     if not law.slope_jumps():

@@ -15,9 +15,12 @@ from .solvers import require_ordinary
 from .types import Numbers
 
 FIRST_SHARE = 1e-6
-"""Default length of the first step, relative to the duration of the run."""
+"""Default length of the first step, relative to the duration of the run. It is short enough for
+stiff contacts. In motions that allow longer steps, the controller lengthens each of the next steps
+up to tenfold."""
 
 NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
+"""Types that are accepted as numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,19 +41,20 @@ class Settings:
     - `controller`: a diffrax step-size controller. The default, ``None``, is a
       `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
-      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`,
-      because impacts amplify small misalignments. Give a smaller `atol` if all speeds of the motion
-      are below 1e4 `atol`.
+      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`. It is
+      so small because impacts amplify errors of variables that are nearly zero, such as the
+      misalignment of a journal. Give a smaller `atol` if all speeds of the motion are below
+      1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
     - `landing_tolerance`: m; steps end at each onset and end of a contact, with a penetration of at
       most this value, or in slow contacts at most 1e-11 s later. With ``None``, steps go across
       onsets and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
-      base of the journal, with three parameters and an `rtol` of 1e-9; the motion alone takes 823
+      base of the journal, with three parameters and an `rtol` of 1e-9. The motion alone takes 823
       attempted steps:
 
-      | `derivative_tolerance` | steps | error of a position's derivative | of entry speeds' |
+      | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
       |---|---|---|---|
       | 1 | 1451 | 5e-8 | 4e-7 |
       | 10 | 1078 | 6e-7 | 2e-6 |
@@ -115,6 +119,7 @@ class Settings:
 
         **Raises:** `ValueError` that names the setting.
         """
+        # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
             ("atol", "give an absolute tolerance such as 1e-9, or None", True),
@@ -123,6 +128,7 @@ class Settings:
             ("landing_tolerance", "give a penetration in m, or None", False),
         ):
             value = getattr(self, name)
+            # These two must be numbers; for the others ``None`` has a meaning.
             if name not in ("rtol", "derivative_tolerance") and value is None:
                 continue
             fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
@@ -137,7 +143,7 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings that may be traced JAX numbers: `rtol`, `atol`, `first_step` (s) and
+        """The settings whose values JAX may trace: `rtol`, `atol`, `first_step` (s) and
         `landing_tolerance` (m)."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
@@ -149,7 +155,8 @@ class Settings:
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`.
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, for runs
+        that are faster or that are compared with more accurate ones.
 
         **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
         """
@@ -168,7 +175,7 @@ class Settings:
         require(given is None, "controller", given, f"None where {where}", remedy)
 
     def require_double(self) -> None:
-        """Check that `allow_float32` is off, for runs that need double precision.
+        """Check that `allow_float32` is ``False``, for runs that need double precision.
 
         **Raises:** `ValueError` if single precision is allowed.
         """

@@ -6,7 +6,8 @@ lanes of a batch together, whether the last stage of the previous step can be re
 takes a third of the time, and each lane has the same digits as a single run. Tableaux, error
 estimates and dense output (the solution between the ends of a step) are diffrax's.
 
-A time map may space the stages of a step non-uniformly in time: see `.time_map`.
+A time map may space the stages of a step non-uniformly in time: see `.time_map`. Rates are time
+derivatives of the variables.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,11 +29,11 @@ from .time_map import AbstractTimeMap
 
 Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
-"""A PyTree with the variables of a run, or with their rates per s."""
+"""A PyTree with the variables of a run, or with their rates, per s."""
 DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
-"""Data from which a solver computes dense output: for `UnrolledExplicit`, "y0" and "y1" are the
-variables at the start and end of the step, and "stages" the rates in each stage. Other solvers use
-other names."""
+"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" and "y1" are the
+variables at the start and end of the step, and "stages" is a tuple with the rates in each stage,
+multiplied by the slope of the time map if the step has one. Other solvers use other names."""
 
 
 class UnrolledExplicit(diffrax.AbstractSolver):
@@ -40,8 +41,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
 
     **Arguments:** `method`: diffrax's solver, which supplies the tableau.
 
-    The state of the solver between two steps is the rates of the variables at the start of the next
-    step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
+    The state that the solver carries from one step to the next consists of the rates at the start
+    of the next step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
     """
 
     method: diffrax.AbstractERK
@@ -56,6 +57,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     def _interpolation(
         self, *, t0: Scalar, t1: Scalar, y0: Y, y1: Y, stages: tuple[Y, ...]
     ) -> "DenseOutput":
+        # diffrax passes the variables at the end of the step too; they follow from the stages.
         del y1
         return DenseOutput(self.method, t0, t1, y0, stages)
 
@@ -64,7 +66,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return self.method.order(terms)
 
     def error_order(self, terms: diffrax.ODETerm) -> Single | None:
-        """Return the order of the method's error estimate."""
+        """Return the order of the method's error estimate, from which a step-size controller
+        computes step lengths."""
         return self.method.error_order(terms)
 
     def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
@@ -77,7 +80,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: Y) -> "DenseInformation":
-        """Return data for dense output of the same structure as those of a step of `y`."""
+        """Return a placeholder with the structure and shapes of the data for dense output of a step
+        of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
         return {"y0": y, "y1": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     def step(
@@ -100,10 +104,11 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         - `solver_state`: rates at `t0`, from the previous step.
         - `made_jump`: whether the rates may have changed abruptly at `t0`. Only if this is the
           Python value ``False`` is `solver_state` used; otherwise the rates are computed again.
-        - `time_map`: how time passes in the step; ``None`` for uniform time.
+        - `time_map`: function that gives the elapsed part of the step's time at each stage from the
+          tableau's node; ``None`` if the two are equal.
 
-        **Returns:** the variables at `t1`, the error estimate, the data for dense output, the rates
-        at `t1`, and diffrax's result code.
+        **Returns:** the variables at `t1`, the estimate of their error, the data for dense output,
+        the rates at `t1`, and diffrax's result code.
         """
         tableau = _tableau(self.method)
         h = t1 - t0
@@ -124,6 +129,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         # "First same as last": the last stage was evaluated at the end of the step.
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
+        # The weights are the differences between those of the two embedded methods.
         error = jax.tree.map(lambda *rates: h * _weighted(tableau.b_error, rates), *stages)
         information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
@@ -137,8 +143,8 @@ class DenseOutput(eqx.Module):
     before a loop at each use after the loop. One derivative of one acceleration of the double
     pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
 
-    **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: rates in each
-    stage, multiplied by the slope of the time map, if there is one.
+    **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: for each stage,
+    the rates, per s, multiplied by the slope of the time map if the step has one.
     """
 
     method: diffrax.AbstractERK
@@ -154,7 +160,8 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at the fraction x of the step, 0 to 1."""
+        """Return the variables at the fraction x of the step, 0 to 1, at which the solver could
+        place a stage. It is the elapsed part of the step's time if time is uniform."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -167,8 +174,8 @@ class DenseOutput(eqx.Module):
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return derivatives of the variables by the fraction x of a step, divided by the step's
-    length: the rates at x times the slope of the time map there."""
+    """Return the derivatives of the variables with respect to the fraction x of a step, divided by
+    the step's length, per s. They are the `rates` at x times the slope of the time map there."""
     if time_map is None:
         return rates
     slope = time_map.slope(x)
@@ -187,6 +194,7 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
+    """Return the weighted sum of `values`, without operations for weights of zero."""
     terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
     return sum(terms[1:], terms[0])
 
@@ -203,7 +211,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
     """Return the value at x of a polynomial with given coefficients, lowest power first. The
-    coefficient of power 0 must be zero."""
+    coefficient of power 0 must be zero, as in dense output, which is y0 at x = 0."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)
@@ -216,14 +224,16 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
     Here y0 are the variables at the start of a step, h is its length, f_i are the rates in its
     stages, and x is the fraction of the step, 0 to 1. The polynomials are the same for all steps.
-    diffrax's interpolant is linear in the stages, so it is evaluated at Chebyshev nodes x with one
-    stage equal to 1 and the others 0. Its operations are executed one by one: a compiler would fuse
-    them, and the digits would differ between processors.
+    diffrax does not provide them, but its interpolant is linear in the stages. It is therefore
+    evaluated at Chebyshev nodes x with one stage equal to 1 and the others 0, and a polynomial is
+    passed through the values.
 
     **Returns:** the coefficients, (stages, degree + 1), lowest power of x first.
     """
     tableau = _tableau(method)
     stages = tableau.num_stages
+    # diffrax's interpolants have at most the order of the method as degree, but methods of low
+    # order are interpolated by cubic Hermite polynomials.
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
 
@@ -234,6 +244,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     b, unit = np.asarray(tableau.b_sol), np.eye(stages)
     rows = zip(b, unit, strict=True)
     calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
+    # The operations are executed one by one, in Python or, if it lacks a rule for one of them, by
+    # JAX. A compiler would fuse them, and the digits would differ between processors.
     numbers = evaluated(value, calls)
     if numbers is not None:
         values = np.reshape(numbers, (stages, len(x))).T
@@ -241,11 +253,13 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
         with jax.ensure_compile_time_eval():
             y1, k = map(jax.device_put, (b, unit))
             values = np.array([value(0.0, 1.0, y1, k, t) for t in x])
+    # Coefficients of the polynomials through these values.
     return np.linalg.solve(np.vander(x, increasing=True), values).T
 
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
-    """Return the largest absolute value in a PyTree, (), used as the norm of an error.
+    """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
+    norm of an error.
 
     A mean would hide the error of one impact behind the small errors of bodies without contact.
     """
@@ -259,14 +273,14 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's PID step-size controller with tolerances that hold for each variable,
-    because its norm is `largest_component`."""
+    """Return diffrax's PID step-size controller. Its norm is `largest_component`, so that each
+    variable satisfies the tolerances: `rtol`, and `atol` in the SI unit of the variable."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver accepts ordinary differential equations in one piece, without splitting
-    them.
+    """Check that a solver integrates ordinary differential equations, given as one term. Solvers
+    of stochastic equations, and those that split the equations into several terms, do not.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -280,7 +294,8 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
-    """Return a solver ready for single steps, prepared as `diffrax.diffeqsolve` would do.
+    """Return a solver whose method `step` can be called directly. Otherwise
+    `diffrax.diffeqsolve` prepares solvers for that.
 
     Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods loop over
     their stages by `lax.scan`, which forward differentiation supports. Implicit methods iterate

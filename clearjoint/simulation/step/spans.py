@@ -9,11 +9,12 @@ from ...fields.types import ArrayLike, Column
 from ...math.vectors import Scalar
 
 ROUNDINGS = 4.0
-"""Largest distance of a valid time from the span of a run, in units of rounding error: times in
-single precision, and sums of steps, are off by that much."""
+"""Largest distance by which a valid time may be outside of a run, in units of rounding error. Times
+in single precision, and times that a user computes as sums of steps, are wrong by that much."""
 SHORTEST = 1e10
-"""Shortest duration of a run, in multiples of the smallest normal floating-point number. Smaller
-numbers become zero in the processor, and the first steps are a small part of the duration."""
+"""Shortest duration of a run, in multiples of the smallest normal floating-point number. Processors
+may take smaller numbers than this as zero, and the first step is by default only a millionth of the
+duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
@@ -37,7 +38,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Check that times lie within a run from `start` to `end`, s, and return them.
+    """Check that times lie within a run from `start` to `end`, s, and return them as an array.
 
     **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 

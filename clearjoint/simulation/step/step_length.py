@@ -22,7 +22,7 @@ from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
 """A step counts as cut short if it is shorter than this part of its `full_length`, the length that
-it would have without events."""
+it would have without events. The margin disregards cuts as small as rounding errors."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -38,7 +38,7 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     if method.landing is None or not step.contact_gaps:
         return t1
     # A step cannot end at an event that is closer than the spacing of floating-point times. It must
-    # still advance.
+    # still advance. The smallest number keeps the bound positive at t = 0.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
     time_to_event = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
     return jnp.minimum(t1, step.t + jnp.maximum(time_to_event, resolution))
@@ -69,10 +69,13 @@ def lengths_after_contacts(
     is_cut = length_tried < CUT * last.full_length
     begins_contact = begins(step.contact_gaps, after)
     # Contact needs much shorter steps than flight. The length that was accepted after the last
-    # onset is remembered, and after the next onset at most twice of it is tried.
+    # onset is remembered. After the next onset at most twice this length is tried, which saves
+    # rejected trials but lets the length grow again.
     entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
     length = _uncut(last, is_cut, proposed)
     length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
+    # A trial that is repeated up to an event keeps its length without events. A trial that is
+    # rejected because of its error gets the controller's shorter length.
     full_length = jnp.where(lands, last.full_length, jnp.where(keep, length, proposed))
     return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
 
@@ -85,10 +88,10 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length of the next step without events, s.
+    """Return the length that the next step would have without events, s.
 
     It is the length that the step-size controller `proposed`. But if the `last` step was cut short
-    (`is_cut`), it is at least that step's length without events.
+    (`is_cut`), it is at least the length that this step would have had without events.
     """
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 

@@ -29,10 +29,10 @@ from .time_map import AbstractTimeMap
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""What a diffrax solver keeps from one step to the next; `UnrolledExplicit` keeps the rates at the
-end of the step."""
+"""Data that a diffrax solver keeps from one step to the next; `UnrolledExplicit` keeps the rates at
+the end of the step."""
 ControllerState: TypeAlias = PyTree[Scalar]
-"""What a diffrax step-size controller keeps from one step to the next."""
+"""Data that a diffrax step-size controller keeps from one step to the next."""
 
 
 class Method(eqx.Module):
@@ -113,7 +113,7 @@ class Step(eqx.Module):
     - `contact_gaps`: penetration, m, and its rate, m/s, of each contact at t.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.
-    - `solver_state`, `proposal`: what the next trial needs besides the variables.
+    - `solver_state`: data that the solver keeps for the next trial; `proposal`: the step to try.
     - `result`: the result code so far.
     - `attempts`, `accepted`: number of trials so far, and of those that were accepted.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
@@ -139,7 +139,8 @@ class Attempt(eqx.Module):
     - `kept`: whether the trial was accepted.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `information`: the solver's data for dense output.
-    - `time_map`: how time passes in the trial; ``None`` if time is uniform in all steps.
+    - `time_map`: function that gives the elapsed part of the trial's time at each of the solver's
+      stages (see `.time_map`); ``None`` if time is uniform in all steps.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     """
 

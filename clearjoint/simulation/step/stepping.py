@@ -1,4 +1,4 @@
-"""Main loop of a run: try one step, accept or reject it, and carry the state to the next one.
+"""Body of a run's main loop: try one step, accept or reject it, carry the state to the next one.
 
 diffrax supplies the solver's `step` and the controller's `adapt_step_size`. This module calls them
 one step at a time (diffrax calls this "manual stepping") instead of through `diffeqsolve`, because
@@ -8,11 +8,11 @@ bristles, corrects the state where forces are discontinuous, and carries derivat
 loop is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one
 native function.
 
-Terms: the entry speed of a contact is its penetration rate at its onset, m/s. Bristles are
-deflections of the surfaces in friction laws that can stick. Tangents are derivatives of the
-variables with respect to p parameters. A breakpoint is a declared time at which a driver or load
-changes abruptly. The clock of a `System` counts the time from its `origin`, s; without an origin it
-shows the scene's time.
+Terms: rates are time derivatives of the integrated variables. The entry speed of a contact is its
+penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
+can stick. Tangents are derivatives of the variables with respect to p parameters. A breakpoint is a
+declared time at which a driver or load changes abruptly. The clock of a `System` counts the time
+from its `origin`, s; without an origin it shows the scene's time.
 """
 
 import warnings
@@ -160,11 +160,12 @@ def _initial_ledger(
 
 
 def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
-    """Return the shapes and types of the results of the equations of motion, and warn if the
-    equations are large.
+    """Trace the equations of motion without computing them, and warn if they are so large that
+    compiling takes long.
 
-    The result is that of `jax.eval_shape`. The function runs while a program is traced: once for
-    each compiled program, before the compiler starts.
+    The function runs while a program is traced: once for each compiled program, before the compiler
+    starts. Its result is that of `jax.eval_shape`: the results of the equations with shapes and
+    types in place of numbers.
 
     **Arguments:** `equations`: a function without arguments that evaluates the equations;
     `derivatives`: whether steps carry tangents.
@@ -186,7 +187,7 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
 def attempt(
     method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
-    """Try one step; either accept it or propose a shorter one.
+    """Try one step, and either accept it or propose a shorter one.
 
     **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, s, on the clock of
     `system`, beyond which no step goes; `family`: the systems as functions of the parameters, if
@@ -251,6 +252,7 @@ def _accepted_state(
     """
     t1, y1 = trial.t1, trial.outcome.y
     second_rates = _second_rates(method, system, y1, trial.outcome.solver_state, after)
+    # Those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
     entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
@@ -302,6 +304,7 @@ def _across_discontinuities(
     # All corrections are one function of the system, so that `family` can differentiate them by the
     # parameters. Bristles come last, because they depend on the corrected motion.
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
+        """Return the corrected variables, and no auxiliary result."""
         if contacts:
             time = one_sided_time(system, step.t, t1)
             y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
@@ -349,8 +352,8 @@ def _tangents_after(
             system.scene, entry_speeds, step.contact_gaps, after, second_rates
         ), None
 
-    # The derivatives are taken at the solver's result, from whose gaps the entry speeds were
-    # computed, and not at the corrected one.
+    # The derivatives are taken at the solver's result and not at the corrected one, because the
+    # entry speeds were computed from the solver's result.
     _, _, entry_speed_tangents = family.pushed(
         entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
     )
@@ -422,13 +425,14 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return an `Attempt` that contains `step` and is zero otherwise: the initial value of a loop
-    over attempts.
+    """Return an `Attempt` that contains `step` and is zero otherwise. It is the initial value in a
+    loop over attempts, which needs the structure and shapes of an attempt.
 
     **Arguments:** as those of `attempt`; `attempt`: the function that tries a step.
     """
     if isinstance(method.solver, UnrolledExplicit):
-        # To trace an attempt only for its shapes would take as long as tracing the whole loop.
+        # The structure is known. To trace an attempt only for its shapes would take as long as
+        # tracing the whole loop.
         inside = None
         if step.tangents is not None:
             information = method.solver.information_like(step.tangents.y)
@@ -449,6 +453,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether a run goes on: its time is before `t_end`, s, it has not failed, and it has
-    made fewer than `attempts` trials."""
+    """Return whether a run goes on after `step`: its time is before `t_end`, s, it has not failed,
+    and it has made fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -1,5 +1,5 @@
-"""The equations of motion of a scene as functions of parameters, for derivatives by these
-parameters."""
+"""The equations of motion of a scene as functions of parameters, for derivatives with respect to
+these parameters."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -21,11 +21,11 @@ Auxiliary = TypeVar("Auxiliary")
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
-    Runs without derivatives compute alike elements of a scene together as groups; here every
+    Runs without derivatives compute elements of the same structure together, as groups. Here every
     element is computed on its own.
 
     - `family`: the scene and its initial state as functions of the parameters.
-    - `formulation`: coordinates and other choices of the equations of motion.
+    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
     - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
       the scene's time.
     """
@@ -41,7 +41,8 @@ class SystemFamily(eqx.Module):
         return self.family.values
 
     def system(self) -> System:
-        """Return the equations of motion for the parameters' `values`."""
+        """Return the equations of motion for the parameters' `values`, at which derivatives are
+        taken."""
         return System(self.family.scene(self.values), self.formulation, self.origin)
 
     def start(self, values: Coordinates) -> State:
@@ -62,8 +63,8 @@ class SystemFamily(eqx.Module):
 
         **Arguments:**
 
-        - `function`: function of the system and of `primals`. It returns a pair: the value, which
-          is differentiated, and an auxiliary result, which is not.
+        - `function`: function of the system and of `primals`. It returns a pair of PyTrees: the
+          value, which is differentiated, and an auxiliary result, which is not.
         - `primals`: the arguments of `function` after the system.
         - `tangents`: derivatives of `primals` with respect to the parameters: PyTrees of the same
           structures, whose leaves have an additional first axis of length p.

@@ -1,16 +1,18 @@
 """Time maps of steps, which place the stages of a solver close together where a contact begins or
 ends.
 
-A stage is a time inside a step at which a Runge-Kutta solver evaluates the rates. After an onset at
-t_on, a contact force grows as (t - t_on)^1.5, and before the end of the contact it falls likewise.
-Its derivative with respect to a parameter is proportional to the square root of the same time.
-Neither is smooth in t, but both are smooth in that square root. With uniform time, error estimates
-miss nearly all of the error of the first step after an onset: 1e-6 of an impact's energy at an
-`rtol` of 1e-8. And in runs with derivatives, the lengths of consecutive steps could differ by at
-most a seventh after an onset and before an end.
+A stage is a time inside a step at which a Runge-Kutta solver evaluates the rates, the time
+derivatives of the variables. After an onset at the time t_on, the force of a Hertz contact grows as
+(t - t_on)^1.5, and before the end of the contact it falls likewise. Its derivative with respect to
+a parameter is proportional to the square root of t - t_on. Neither is smooth in t, but both are
+smooth in that square root. Solvers assume smooth rates. Without a time map, error estimates miss
+nearly all of the error of the first step after an onset, which is 1e-6 of an impact's energy at an
+`rtol` of 1e-8. In runs with derivatives, moreover, a step after an onset or before an end could be
+longer or shorter than the one before it by at most a seventh.
 
 A time map is a polynomial. Its argument is the fraction x of a step, 0 to 1, at which the solver's
-tableau places its stages; its value is the elapsed part of the step's time, 0 to 1.
+tableau places a stage. Its value is the part of the step's time, 0 to 1, that has elapsed at this
+stage. If the two are equal, time is called uniform in the step.
 """
 
 import abc
@@ -22,8 +24,7 @@ import jax.numpy as jnp
 from ...math.vectors import Condition, Scalar
 
 TINY = 1e-300
-"""Smallest argument of a square root here; at zero, the derivative of the square root would be
-infinite."""
+"""Lower bound of the argument of a square root; at zero, its derivative would be infinite."""
 
 
 class AbstractTimeMap(eqx.Module):
@@ -44,18 +45,20 @@ class AbstractTimeMap(eqx.Module):
         inverse of the method `elapsed`."""
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of the step to try next, s; by default the controller's proposal.
+        """Return the length of the step to try after a step with this map, s; by default the
+        length that the step-size controller proposes.
 
-        **Arguments:** `proposed`: s, the step-size controller's proposal, which assumes that the
-        next step has the same time map; `keep`: whether this step is accepted. A rejected step is
-        repeated from its start.
+        **Arguments:** `proposed`: s, the controller's proposal, which assumes that the next step
+        has the same time map; `keep`: whether the step with this map is accepted. A rejected step
+        is repeated from its start.
         """
         del keep
         return proposed
 
 
 class FromOnset(AbstractTimeMap):
-    """Time map that is quadratic after an onset and uniform otherwise.
+    """Time map of runs without derivatives: quadratic in a step that begins with an onset, and
+    uniform in all others.
 
     **Arguments:** `begins`: whether a contact begins at the start of the step.
     """
@@ -76,14 +79,14 @@ class FromOnset(AbstractTimeMap):
 
 
 class WithinContact(AbstractTimeMap):
-    """Time map of a step during a contact: x is linear in the square root of the time since the
-    contact's onset, or of the time until its end.
+    """Time map of runs with derivatives: during a contact, x is linear in the square root of the
+    time since the contact's onset, or of the time until its end.
 
     **Arguments:**
 
     - `length`: length of the step, s.
-    - `start`, `end`: these square roots at the start and end of the step, s^0.5; both 1 without a
-      contact, which makes time uniform.
+    - `start`, `end`: these square roots at the start and end of the step, s^0.5. Without a contact
+      both are 1, which makes time uniform.
     """
 
     length: Scalar
@@ -99,14 +102,16 @@ class WithinContact(AbstractTimeMap):
         **Arguments:**
 
         - `length`: length of the step, s.
-        - `touches`: whether any contact exists; `begins`: whether a contact begins at the start of
-          the step.
-        - `since`: time since the latest onset, s, infinite if there was none.
-        - `until_end`: predicted time until the first contact ends, s, infinite if none is expected
-          to end.
+        - `touches`: whether any contact exists at the start of the step; `begins`: whether a
+          contact begins there.
+        - `since`: time from the latest onset to the start of the step, s, infinite if there was
+          none.
+        - `until_end`: predicted time from the start of the step until the first contact ends, s,
+          infinite if none is expected to end.
         """
-        # The onset or the end decides, whichever is nearer. If a contact begins now, `since` may
-        # still be the time since the onset of an earlier contact, so `begins` overrides it.
+        # The map follows the onset or the end of a contact, whichever is nearer. If a contact
+        # begins now, `since` may still be the time since the onset of an earlier contact, so
+        # `begins` overrides it.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
@@ -116,7 +121,8 @@ class WithinContact(AbstractTimeMap):
         return jax.lax.stop_gradient(WithinContact(length, *roots))
 
     def elapsed(self, x: float) -> Scalar:
-        """Return x (p + (1 - p) x), where p is the slope of the map at the start of the step."""
+        """Return the elapsed part of the step's time, x (p + (1 - p) x), where p is the slope of
+        the map at the start of the step."""
         pace = self._initial_slope()
         return x * (pace + (1.0 - pace) * x)
 
@@ -144,7 +150,8 @@ class WithinContact(AbstractTimeMap):
         """
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
-        # This is (root + change)^2 - root^2, up to its sign, since `length` is end^2 - start^2.
+        # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its
+        # sign, since `length` is end^2 - start^2.
         alike = proposed * (2.0 * root + change) / (self.start + self.end)
         return jnp.where(root + change >= 0.0, alike, proposed)
 

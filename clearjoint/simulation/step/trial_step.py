@@ -1,7 +1,8 @@
 """One trial step of the solver with its tangents, before it is accepted or rejected.
 
-Tangents are derivatives of the variables with respect to p parameters. A contact is closed if it
-has a force. The entry speed of a contact is its penetration rate at its onset, m/s.
+Rates are time derivatives of the variables. Tangents are derivatives of the variables with respect
+to p parameters. A contact is closed if it has a force. The entry speed of a contact is its
+penetration rate at its onset, m/s.
 """
 
 from dataclasses import replace
@@ -56,8 +57,8 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
     ``None`` outside of steps. In a step, forces that depend on time are evaluated between the same
-    two breakpoints, and if steps land on contact events, contacts stay open or closed as they are
-    at the start of the step.
+    two breakpoints. If steps end at contact events, contacts stay open or closed as they are at the
+    start of the step, so that the rates are smooth within it.
     """
     traced_rates = traced_once(_rates)
     lands = step is not None and method.landing is not None
@@ -65,6 +66,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
         system, entry_speeds = args
+        # At a breakpoint at the end of the step, forces have the values just before it.
         t = one_sided_time(system, t if step is None else step.t, t)
         return traced_rates(system, y, entry_speeds, t, closed_contacts)
 
@@ -78,6 +80,8 @@ def _rates(
     t: Single,
     closed_contacts: Closed | None,
 ) -> Variables:
+    """Return the result of `rates_of` with arrays of the type of `t` in place of Python numbers, as
+    diffrax requires."""
     rates = rates_of(system, y, entry_speeds, t, closed_contacts)
     return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
@@ -107,7 +111,9 @@ class SolverStep(eqx.Module):
 class Trial(eqx.Module):
     """A trial step as the solver computed it.
 
-    - `t1`: end of the step, s; `time_map`: how time passes in the step, uniformly if ``None``.
+    - `t1`: end of the step, s.
+    - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
+      stages (see `.time_map`); ``None`` if time is uniform in the step.
     - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
     - `finite`: whether `outcome` and `tangents` are finite. If not, their variables are those at
       the start of the step, and their errors are `REJECTED_ERROR`.
@@ -123,8 +129,8 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s, which places the solver's stages;
-    ``None`` if time is uniform in all steps of the run."""
+    """Return the time map of the step from `step` to `t1`, s, which places the solver's stages in
+    time (see `.time_map`); ``None`` if time is uniform in all steps of the run."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -148,6 +154,7 @@ def try_step(
     **Arguments:** `family`: the systems as functions of the parameters; ``None`` in runs without
     tangents.
     """
+    # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
     options = {} if time_map is None else {"time_map": time_map}
@@ -157,6 +164,8 @@ def try_step(
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
+        """Return the result of the step, and the solver's result code, as a function of all that
+        depends on the parameters."""
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates with the contacts of the last step. Where a contact has
             # begun or ended, they agree with the new rates, but their derivatives do not, because
@@ -218,8 +227,11 @@ def _without_drift(
 
 
 def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y` and
-    with the error `REJECTED_ERROR`."""
+    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
+    the start of the step, and with the error `REJECTED_ERROR`.
+
+    The step-size controller thus receives no NaN, and rejects the trial.
+    """
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return SolverStep(
         choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
@@ -231,7 +243,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     so that the rates which the solver has kept must be computed anew.
 
     Rates are discontinuous at breakpoints, where a contact begins to drag bristles, and where a
-    force jumps at an onset. A new entry speed changes rates too, unless steps land on onsets, where
+    force jumps at an onset. A new entry speed changes rates too, unless steps end at onsets, where
     the force is still zero.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
@@ -241,7 +253,8 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends."""
+    contact begins or ends. There the tangents of the rates that the solver has kept are not
+    valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
@@ -254,7 +267,8 @@ def _all_finite(tree: PyTree[Scalar]) -> Condition:
     """
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
-        # Leaves of one shape are added elementwise first, which takes fewer reductions.
+        # Leaves of one shape are added elementwise first, so that there is one reduction for each
+        # shape.
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
     return sum(sum_(_pairwise_sum(family)) for family in families.values()) == 0.0
 
