@@ -38,6 +38,9 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
+    Drift is the violation of the constraint equations. A solution contains states only, from which
+    all other results are computed here.
+
     The equations of motion are solved again at each state, always in absolute coordinates. There
     every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
     if the run used coordinates that need no equations for this joint. Therefore the reactions of
@@ -129,16 +132,17 @@ def observe_compiled(
 ) -> Observation:
     """Return the observation at given times and states, without the integrals of the energy ledger.
 
-    **Arguments:** `folded_scene`: the scene; `absolute`: the formulation in absolute coordinates;
-    `unique`: the value of `Observation.reactions_unique`; `times`: (N,) s; `states`: the states,
-    with vectors as arrays (N, 3).
+    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
+    `absolute`: the formulation in absolute coordinates; `unique`: the value of
+    `Observation.reactions_unique`; `times`: (N,) s; `states`: the N states, with vectors as arrays
+    (N, 3).
     """
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
         """Return the observation at one time t, s; its arrays have no axis of times."""
-        # Keeps the deflections of the state; contacts without one get zero.
+        # The deflections of bristles are those of the state, and zero for contacts without any.
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
         dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
@@ -146,6 +150,7 @@ def observe_compiled(
         energies = mechanical_energy(scene, motions, t)
         if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
             energies["bristles"] = elastic
+        # The sum is taken before the integrals of the ledger are added, in `observe`.
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)
         accelerations = {
@@ -178,6 +183,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         for label, force in family.items():
             contact = force.contact
             eccentricity = offset = None
+            # A base penetrates by its eccentricity less the clearance.
             if isinstance(joint, HasJournal) and label in BASES:
                 eccentricity = contact.gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
@@ -202,8 +208,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
         if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
             touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
-            # If the normals have about the same direction, the journal lies on the wall along a
-            # line.
+            # If the normals at both bases point to the same side, the journal lies along a line of
+            # the wall; otherwise it is tilted from one side to the other.
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
