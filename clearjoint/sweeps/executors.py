@@ -48,7 +48,8 @@ from .layout import LaneArrays
 
 
 class _Pickler(cloudpickle.Pickler):
-    """Pickles functions and classes of scripts and notebooks, among them equinox modules."""
+    """Pickler for functions and classes that are defined in scripts and notebooks, among them
+    equinox modules, which cloudpickle alone does not restore."""
 
     def reducer_override(self, value: object) -> object:
         # cloudpickle makes a class of a script or notebook without attributes and sets them
@@ -97,9 +98,11 @@ ChunkFunction = Callable[[int], LaneArrays]
 RETRIES = 3
 """Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
 TICK = 1.0
-"""Time, s, between two calls of `on_start`."""
+"""Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
+are still starting."""
 QUEUED = 2
-"""Chunks submitted for each worker: one that it computes and one that waits."""
+"""Number of chunks submitted for each worker: one that it computes, and one that waits so that the
+worker need not."""
 
 
 class AbstractSubmitter(Protocol):
@@ -186,9 +189,16 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a Dask client, with the function that its workers call for each chunk."""
+    """An executor or a Dask client, with the function that its workers call for each chunk.
+
+    **Arguments:** `executor`: the executor or client; `task`: the function of a chunk's number.
+
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes.
+    """
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
+        # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
+        # it would wait forever.
         remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
         expected = "a concurrent.futures.Executor or a dask.distributed.Client"
         require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
@@ -201,6 +211,7 @@ class _Pool:
         make = getattr(executor, "get_executor", None)
         self._threads = getattr(executor, "nthreads", None)
         self._executor = executor if make is None else make(pure=False, retries=RETRIES)
+        # Threads call the function itself; processes get its pickled form.
         in_process = isinstance(executor, ThreadPoolExecutor)
         self._call = task if in_process else partial(_call, _payload(task))
 
@@ -279,7 +290,7 @@ def _call(payload: bytes, chunk: int) -> LaneArrays:
 
 
 def _fail(failed: dict[int, BaseException], done: int) -> None:
-    """Raise a `ChunkError`.
+    """Raise a `ChunkError` that names the failed chunks and the first error.
 
     **Arguments:** `failed`: errors by number of the chunk; `done`: number of computed chunks.
     """
@@ -288,6 +299,8 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
         why = "killed, or out of memory"
+        # If workers die before the first result, mostly the script lacks the guard of its main
+        # part.
         if not done:
             why = (
                 "no chunk was computed: a script must call the sweep below "

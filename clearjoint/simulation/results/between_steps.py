@@ -24,7 +24,7 @@ LARGEST_ROTATION = 0.05
 nowhere farther from the arc than 3e-4 of its radius."""
 MOST = 64
 """Largest number of parts into which a step is divided, so that a body that spins fast in a long
-step does not lead to any number of states."""
+step does not make the result arbitrarily long."""
 
 Times = Float[np.ndarray, " N"]
 Wanted = Float[np.ndarray, " M"]

@@ -38,8 +38,8 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    Drift is the violation of the constraint equations. A solution contains states only, from which
-    all other results are computed here.
+    Drift is the violation of the constraint equations. Saved states contain positions and
+    velocities, from which this function computes the other results.
 
     The equations of motion are solved again at each state, always in absolute coordinates. There
     every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
