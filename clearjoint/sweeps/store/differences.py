@@ -1,4 +1,4 @@
-"""Messages on the differences between a stored sweep and the sweep that is requested."""
+"""Messages about the differences between a stored sweep and the sweep that is requested."""
 
 from collections.abc import Iterator, Mapping
 from os.path import commonprefix
@@ -22,8 +22,11 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     Differences between notes are listed only if there are other differences, which they may
     explain.
 
-    **Arguments:** `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if
-    the wanted sweep lacks the row's lane.
+    **Arguments:** `stored`, `wanted`: contents of the store, and of a store of the wanted sweep;
+    `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if the wanted
+    sweep lacks the row's lane.
+
+    **Returns:** the lines; an empty list if the store can take the wanted sweep.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -56,7 +59,8 @@ def _parts(layout: Layout) -> dict[str, Part]:
 
 
 def _outline(variable: Variable) -> str:
-    """Return the dtype, dimensions and attributes of a variable as text."""
+    """Return the dtype, dimensions and attributes of a variable as text, such as "float64 (lane,
+    body 2), long_name ..., units m"."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
@@ -84,7 +88,7 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
         )
     start = 0
     if isinstance(stored, str) and isinstance(wanted, str):
-        # Without the beginning, if the first difference would not be shown otherwise.
+        # If the first difference would not be shown otherwise, the text begins shortly before it.
         same = len(commonprefix((stored, wanted)))
         start = max(same - _SHOWN // 4, 0) if same >= _SHOWN // 2 else 0
     return f"stored {_shown(stored, start)}, now {_shown(wanted, start)}"
@@ -120,9 +124,10 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """Yield a line for each program of both sweeps whose digests differ.
+    """Yield a line for each traced program that both sweeps have, but with different digests.
 
-    **Arguments:** `without_run`: whether to leave out the program of the run.
+    **Arguments:** `without_run`: whether to leave out the program of the run, and thus to compare
+    only those of the variables.
     """
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
@@ -132,11 +137,12 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each output whose save times differ in any lane that both sweeps have.
+    """Yield a line for each output whose times to save at differ in any lane that both sweeps have.
 
     **Arguments:** `kept`: as in `differences`.
     """
     old, new = stored.identity.lanes, wanted.identity.lanes
+    # `kept` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
         others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
         if others:
