@@ -46,6 +46,7 @@ def labelled_dataset(
     **Arguments:** `title`: attribute "title"; `variables`, `coordinates`: arrays by name; `notes`:
     further attributes, such as the settings of the run.
     """
+    # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
     parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]

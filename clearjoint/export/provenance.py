@@ -24,6 +24,7 @@ def describe(value: object) -> str:
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
+    # Numbers are shown as in Python, since the `repr` of an array depends on NumPy's print options.
     if isinstance(value, np.ndarray | jax.Array | np.generic):
         text = repr(np.asarray(value).tolist())
         return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
@@ -36,6 +37,7 @@ def describe(value: object) -> str:
         return "[" + ", ".join(describe(part) for part in value) + "]"
     if isinstance(value, str | int | float | bool | None):
         return repr(value)
+    # A function has a name; of any other object only the class is known.
     return getattr(value, "__qualname__", type(value).__name__)
 
 

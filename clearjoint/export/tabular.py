@@ -111,6 +111,7 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     import pandas as pd
 
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
+    # The coordinate along the rows becomes the index; further coordinates become columns.
     columns = {}
     coordinates = [name for name in dataset.coords if name != rows]
     for name in (*coordinates, *dataset.data_vars):

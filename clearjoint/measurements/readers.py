@@ -150,6 +150,7 @@ def read_csv(
     >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
     array([0.   , 0.001])
     """
+    # The second argument of `column` is the argument that error messages name.
     column = _columns_of(path, options)
     times = _times(column(time, "time"), time_unit)
     series = {
@@ -195,6 +196,7 @@ def function_from_csv(
     >>> print(f"{torque(0.05):.4f} N m")
     1.2500 N m
     """
+    # The second argument of `column_named` is the argument that error messages name.
     column_named = _columns_of(path, options)
     times = _times(column_named(time, "time"), time_unit)
     rows = column_named(column, "column")
@@ -259,6 +261,7 @@ def from_xarray(
         label = f"variable {name!r} of the dataset"
         return _Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
+    # Each variable may have a time coordinate of its own, so times are read for each of them.
     series = {}
     for name, channel in _valid(channels):
         variables = [str(variable) for variable in dataset.data_vars]
@@ -278,6 +281,7 @@ def from_xarray(
 def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
     import pandas as pd
 
+    # pandas only warns of rows with more fields than the header, and drops the surplus.
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Length of header", pd.errors.ParserWarning)
         try:

@@ -70,6 +70,7 @@ class Series(AbstractReadable):
         expected = "given for a channel without a unit"
         require(unit is not None, "unit", unit, expected, 'pass it, for example unit="mm"')
         assert unit is not None
+        # Without a unit of the channel, values are converted to the SI unit of the same dimension.
         factor, self.unit = to_si(unit, si)
         self.channel, self.name = channel, name
         self.times = as_number(times, "times", "s")

@@ -142,7 +142,8 @@ class Lanes:
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints with contacts by name, as they are in all lanes.
 
-        Each number of a joint becomes an array (lanes,); vectors are split into their components.
+        Each number of a joint becomes an array (lanes,), and vectors are split into their
+        components, so that one call of a method of the joint computes all lanes.
         """
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}

@@ -85,6 +85,7 @@ def _by_executor(
     """
     missing = chunks.lanes
 
+    # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
     def on_done(chunk: int, results: LaneArrays) -> None:
         store.write(chunk, missing[chunk], results)
         bar.set_description_str(STORED, refresh=False)
@@ -115,6 +116,8 @@ def _by_threads(
     **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk; `threads`:
     number of threads; `bar`: progress bar of lanes.
     """
+    # The writer decides when lanes are written. Lanes that are not written yet are written at the
+    # end, also after an error or an interrupt.
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -205,6 +208,8 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+    # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
+    # that still run.
     bar = ProgressBar(
         total=lanes,
         initial=done,

@@ -103,7 +103,7 @@ def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, V
 def _states(
     scene: Scene, name: str, description: str, along: tuple[str, np.ndarray] | None = None
 ) -> dict[str, Variable]:
-    """Return variables with the states of all bodies.
+    """Return variables with the states of all bodies, by name.
 
     **Arguments:** `name`: output to which the states belong; `description`: end of the variables'
     descriptions; `along`: name of a dimension before that of the bodies, and its labels.

@@ -216,7 +216,8 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return how many chunks may be submitted and unfinished at present."""
+        """Return the largest number of submitted chunks that may be unfinished at present: `QUEUED`
+        for each worker."""
         if self._threads is not None:  # The number of workers of a cluster may change.
             workers = sum(self._threads().values())
         else:
@@ -224,7 +225,10 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk and return its future; if the executor is broken, it has the error."""
+        """Submit a chunk and return its future.
+
+        If the executor is broken, the future has the error, as for a chunk that fails.
+        """
         try:
             return self._executor.submit(self._call, chunk)
         except BrokenExecutor as error:
@@ -249,7 +253,10 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
-    """Adopt the settings in the bytes of `_payload`, and return the function."""
+    """Adopt the runtime settings in the bytes of `_payload`, and return the function.
+
+    A worker process does so once for a sweep, and keeps the function for further chunks.
+    """
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)

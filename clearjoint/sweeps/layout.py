@@ -178,6 +178,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
     """
     import xarray as xr
 
+    # If the sweep is zipped, there is one dimension of lanes, along which the axes are labels.
+    # Otherwise each axis is a dimension of its own, and results are reshaped from lanes to axes.
     dims = (LANE,) if layout.zipped else tuple(axis.name for axis in layout.axes)
     along = [LANE] * len(layout.axes) if layout.zipped else list(dims)
     along += [c.name for c in layout.coordinates]

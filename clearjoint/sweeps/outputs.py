@@ -213,10 +213,12 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         check_reductions({name: output}, scene, ledger)
         if isinstance(output, AbstractReduction):
             continue
+        # The message of the error gets the name of the output, as for reductions.
         try:
             output.check(scene)
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
+    # A lane has one list of times to save at.
     saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
     remedy = "join their times"
     require(len(saves) <= 1, "outputs", saves, "outputs with at most one Saved", remedy)

@@ -122,7 +122,8 @@ class Lane(eqx.Module):
         return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """Return the buffers of crossings and of impacts, by the name of their log."""
+        """Return the buffers of crossings and of impacts, by the name of the log whose rows they
+        hold."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[IMPACTS].items():
@@ -133,8 +134,10 @@ class Lane(eqx.Module):
 
 
 def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
-    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of the
-    key."""
+    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of the key.
+
+    With the prefix "hits/", for example, the entry of the log "hits/pin V" gets the key "pin V".
+    """
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
@@ -267,13 +270,13 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
-    """Return the next time to save at, s; infinite if states have been saved at all times."""
+    """Return the next time at which a state is to be saved, s; infinite if no such time is left."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
-    """Return whether the run has reached the next time to save at."""
+    """Return whether the run has reached the next time at which a state is to be saved."""
     if lane.saved is None:
         return jnp.asarray(False)
     return _next_save(lane, request) <= lane.run.step.t

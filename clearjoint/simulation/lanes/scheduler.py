@@ -249,7 +249,8 @@ def _first_requests(batch: Batch) -> SegmentRequest:
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
-    """Return a PyTree of indices of cells with `by` added to each index."""
+    """Return a PyTree of indices of cells with `by` added to each index, the place in a column at
+    which the cells begin."""
     return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
@@ -309,7 +310,8 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove and return the numbers of the next lanes to begin, at most `count`."""
+        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
+        numbers."""
         found: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         try:
@@ -554,7 +556,8 @@ class _Loops:
         self._loops: dict[Hashable, LaneLoop] = {}
 
     def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
-        """Return the loop for lanes with the structure, shapes and types of the arguments."""
+        """Return the loop for lanes with the structure, shapes and types of the arguments. It is
+        compiled unless the cache has it."""
         trees = common, own, lane
         leaves, structure = jax.tree.flatten(trees)
         # A loop is compiled for shapes and types of arrays, but for values of static leaves.

@@ -72,10 +72,12 @@ class XlaLaneLoop(AbstractLaneLoop):
         return Memory(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Memory) -> int:
-        """Take turns until some lanes wait for Python, at most `TURNS`, and return their number.
+        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`.
 
         **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
         updated.
+
+        **Returns:** the number of turns.
         """
         # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
@@ -159,6 +161,7 @@ def _turns(
     """
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
+    # The loop ends by the number of turns or of waiting lanes; columns without a lane do not count.
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
         waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
         return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())

@@ -70,8 +70,8 @@ class ImpactCount(AbstractWindowedReduction):
         return CountTally(jnp.zeros(()), self._touching(now), time)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
-        """Return the tally after a step, with one added for each contact that began in the step and
-        in the window."""
+        """Return the tally after a step. The count grows by one for each contact that began in the
+        step and in the window."""
         count, after = tally.count, self._touching(now)
         for label, touches in after.items():
             begins = touches & ~tally.touching[label]
@@ -124,7 +124,8 @@ class AbstractLossReduction(AbstractWindowedReduction):
     needs_ledger = True
 
     def start(self, now: Instant) -> LossTally:
-        """Return the tally at the start of the run, when no energy has been dissipated yet."""
+        """Return the tally at the start of the run, with the energy that counts as dissipated then:
+        zero less the energy in bristles."""
         lost = _lost(now)
         return LossTally(now.time, now.time, lost, lost)
 
@@ -290,8 +291,8 @@ class ArchardWear(AbstractWindowedReduction):
         return now.time, self._rates(now), none
 
     def update(self, tally: WearTally, now: Instant) -> WearTally:
-        """Return the tally after a step, with the volumes added that wear in the part of the step
-        that is in the window."""
+        """Return the tally after a step. The volumes worn in the part of the step that is in the
+        window are added."""
         # Without a window, the rates at the start of the step are those at the end of the step
         # before. If the window covers a part of the step only, the rates at both ends of this part
         # come from the dense output.

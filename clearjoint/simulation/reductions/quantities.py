@@ -96,8 +96,8 @@ class Peak(AbstractQuantityReduction):
         return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """Return the tally after a step, with the largest value in the part of the step that is in
-        the window."""
+        """Return the tally after a step. The highest value is updated by the largest value in the
+        part of the step that is in the window."""
         # The search also uses the value at the start of the previous step: a parabola through it
         # and both ends of this step gives the first guess of the peak.
         length = now.time - tally.now
@@ -177,7 +177,8 @@ class Statistics(AbstractQuantityReduction):
         return (now.time, value), (zero, zero, zero), (infinite, -infinite)
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """Return the tally after a step, with the part of the step that is in the window added."""
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        integrals, and compared with the extremes."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, self._value(now)
         arc = Parabola.through(u, self._value(now.middle), v)
@@ -273,7 +274,8 @@ class Quantiles(AbstractQuantityReduction):
         return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
 
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
-        """Return the tally after a step, with the part of the step that is in the window added."""
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        durations."""
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)

@@ -290,7 +290,8 @@ def _vectors(
 def _numbers(
     name: str, dim: str, rows: Mapping[str, Numbers], unit: str, text: str
 ) -> dict[str, Labelled]:
-    """Return one variable (N, rows) made of series (N,), by its name; nothing without series.
+    """Return one variable (N, rows) made of series (N,), by its name; an empty dictionary if there
+    are no series.
 
     **Arguments:** `name`, `unit`, `text`: name, unit and description of the variable; `dim`: name
     of the second dimension; `rows`: the series by label.

@@ -94,7 +94,10 @@ def observe(
 
 def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
     """Return the formulation of the equations of motion that a solution was computed with, but in
-    absolute coordinates and without an energy ledger."""
+    absolute coordinates and without an energy ledger.
+
+    In absolute coordinates every ideal joint has constraint equations, and thus reactions.
+    """
     used = solution.formulation
     return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
 
@@ -174,7 +177,10 @@ def observe_compiled(
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
-    """Return all contacts at one instant, by joint and label, for solved equations of motion."""
+    """Return all contacts at one instant, by joint and label.
+
+    **Arguments:** `dynamics`: the solved equations of motion, with the forces of all contacts.
+    """
     observations: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
         joint = scene.contact_joints()[name]
@@ -244,7 +250,7 @@ def _array(vector: Vector) -> Vectors:
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """Return the largest magnitude of the values of each joint's constraint equations, and of their
-    time derivatives, by joint."""
+    time derivatives, by joint. Both are zero for an exact solution."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))

@@ -244,6 +244,8 @@ class Solution(AbstractReadable, AbstractTabular):
         """
         require(self.saved is not None, "solution", "without saved states", "with some", SAVE_TIMES)
         assert self.saved is not None
+        # The final state has no dimension of time, so it gets variables of its own, which `merge`
+        # adds to those of the saved states.
         found = self.saved.to_xarray()
         final = state_arrays(self.final, (), "final_")
         reached = labelled_dataset("state reached", final, state_labels(self.final))

@@ -57,6 +57,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
     **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
     """
+    # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
+    # components of vectors.
     arrays = {}
     for part, (dim, unit) in STATE_PARTS.items():
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]

@@ -124,6 +124,7 @@ def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
     **Returns:** the values, and for each faulty file the fault, `MISSING` or `DAMAGED`, by number
     of its chunk. The values of these chunks are the fill value.
     """
+    # Zarr returns fill values for a chunk whose file is missing, so missing files are looked for.
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}
     try:

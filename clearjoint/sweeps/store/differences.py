@@ -45,7 +45,8 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
-    """Return the settings of a sweep by the names that messages show."""
+    """Return the settings of a sweep, and the size of its chunks, by the names that messages
+    show."""
     settings: dict[str, Part] = {f"setting {name}": text for name, text in layout.settings.items()}
     return {"lanes in a chunk": layout.chunk, **settings}
 
@@ -76,7 +77,8 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """Return the end of a line: how the stored part differs from the wanted one."""
+    """Return the end of a line, which says how the stored part differs from the wanted one.
+    ``None`` stands for a part that is absent."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -95,7 +97,8 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
 
 
 def _shown(value: object, start: int = 0) -> str:
-    """Return a value as text from the character `start` on, of at most `_SHOWN` characters."""
+    """Return a text that shows a value: at most `_SHOWN` characters from the character `start` on,
+    with "…" in place of omitted characters."""
     if value is None:
         return "nothing"
     text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
@@ -105,7 +108,11 @@ def _shown(value: object, start: int = 0) -> str:
 
 
 def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for stored values of axes, and for stored lanes, that the wanted sweep lacks."""
+    """Yield a line for each axis with stored values that the wanted sweep lacks, and a line if it
+    lacks stored lanes.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
     values = {axis.name: axis.values for axis in wanted.axes}
     for name, old, _ in stored.axes:
         gone = old[~np.isin(old, values.get(name, old))]

@@ -233,7 +233,8 @@ def matching_lanes(
 ) -> Int[np.ndarray, " s"]:
     """Return for each stored digest the number of a wanted lane with the same digest, (s,).
 
-    No lane occurs twice; the number is -1 where no lane is left.
+    If several wanted lanes have the same digest, each is taken at most once. The number is -1 where
+    no lane with the digest is left.
     """
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)

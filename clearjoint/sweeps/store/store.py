@@ -252,6 +252,7 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
     **Raises:** `ValueError` that lists the differences, if the store holds another sweep.
     """
+    # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
     kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
     lines = differences(stored, wanted, kept)
