@@ -46,7 +46,7 @@ PERIOD = 0.2
 for a progress bar that moves evenly."""
 KNOWN_SHARE = 0.01
 """Share of all work that must be done before the time left is estimated, since an estimate from
-less would mostly be wrong."""
+less would not be reliable."""
 BLOCK_ROWS = 256
 """Largest number of recorded rows of a lane that a compiled function converts at once to columns of
 results."""
@@ -147,7 +147,8 @@ class Batch:
             try:
                 for thread in threads:
                     thread.start()
-                # Threads compute without Python's lock; this one hands over and shows progress.
+                # The threads compute without Python's lock. Meanwhile this thread passes results
+                # and progress to the callbacks.
                 _deliver(shared, groups, on_ended, on_progress, stopped)
             finally:
                 shared.stops = True
@@ -406,6 +407,7 @@ class _Group:
             if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
+        # The request counts from the rows that are recorded next.
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
@@ -413,7 +415,8 @@ class _Group:
                 integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
-        """Return the next `WINDOW` times to save at, s, filled up with infinity."""
+        """Return the next `WINDOW` times at which states of a lane are to be saved, s; infinite
+        where no such time is left."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
             first = slot.recorded(batch.common.saved)
