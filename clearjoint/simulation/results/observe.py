@@ -189,7 +189,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         for label, force in family.items():
             contact = force.contact
             eccentricity = offset = None
-            # A base penetrates by its eccentricity less the clearance.
+            # For circular surfaces, a base penetrates by its eccentricity less the clearance.
             if isinstance(joint, HasJournal) and label in BASES:
                 eccentricity = contact.gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
