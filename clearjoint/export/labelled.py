@@ -1,5 +1,5 @@
-"""Make xarray datasets that follow the CF conventions: arrays with units and descriptions, and as
-attributes the settings of the run and the versions of the programs."""
+"""Datasets of xarray that follow the CF conventions. Their arrays have units and descriptions, and
+their attributes are the settings of the run and the versions of the programs."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COMPONENT = "component"
+"""Name of the dimension along the components of a vector."""
 COMPONENTS = ("x", "y", "z")
+"""Labels of the components of a vector."""
 
 
 class Labelled(NamedTuple):
@@ -44,6 +46,7 @@ def labelled_dataset(
     **Arguments:** `title`: attribute "title"; `variables`, `coordinates`: arrays by name; `notes`:
     further attributes, such as the settings of the run.
     """
+    # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
     parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]
@@ -57,7 +60,10 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts with the same shape; there may be no labels."""
+    """Return labels, such as names of bodies, as an array of texts with the same shape.
+
+    Without labels it is an empty array of texts, where `np.asarray` would make one of floats.
+    """
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 

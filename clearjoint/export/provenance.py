@@ -1,4 +1,5 @@
-"""Describe how results were computed: settings and versions of programs as texts."""
+"""Texts about how results were computed: the settings of a run, and the versions of the
+programs."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -9,9 +10,10 @@ import jax
 import numpy as np
 
 LONGEST = 200
+"""Largest number of characters by which an array is described."""
 _VERSIONED = ("clearjoint", "jax", "diffrax")
 Notes = tuple[tuple[str, str | int | float], ...]
-"""Pairs (name, text or number) that become attributes of a netCDF file."""
+"""Pairs (name, text or number) that become attributes of a dataset and of its netCDF file."""
 
 
 def describe(value: object) -> str:
@@ -22,6 +24,7 @@ def describe(value: object) -> str:
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
+    # Numbers are shown as in Python, since the `repr` of an array depends on NumPy's print options.
     if isinstance(value, np.ndarray | jax.Array | np.generic):
         text = repr(np.asarray(value).tolist())
         return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
@@ -34,6 +37,7 @@ def describe(value: object) -> str:
         return "[" + ", ".join(describe(part) for part in value) + "]"
     if isinstance(value, str | int | float | bool | None):
         return repr(value)
+    # A function has a name; of any other object only the class is known.
     return getattr(value, "__qualname__", type(value).__name__)
 
 
@@ -43,8 +47,10 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
 
 
 def setting_notes(values: object) -> Notes:
-    """Return a pair ("setting_<field>", value) for each field of a dataclass. Numbers are kept,
-    other values are described by texts."""
+    """Return the fields of a dataclass as notes: a pair ("setting_<field>", value) for each field.
+
+    Numbers stay as they are; other values are described by texts.
+    """
     by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
     return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
 

@@ -1,4 +1,5 @@
-"""Export of results as data frames, CSV and netCDF files, from datasets with units."""
+"""Export of results as data frames, CSV files and netCDF files, all of which are made from an
+xarray dataset with units."""
 
 import abc
 import itertools
@@ -14,12 +15,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
-"""Dimensions whose labels precede the name of the variable in the name of a column, as "arm" does
-in "arm.position.x"; labels of other dimensions follow it."""
+"""Dimensions whose labels precede the name of the variable in the name of a column, as the body
+"arm" does in "arm.position.x". Labels of other dimensions follow it, as the component "x" does."""
 
 
 class AbstractTabular(abc.ABC):
     """Base class of results that can be exported as dataset, data frame, CSV and netCDF file.
+
+    A subclass defines `to_xarray`, from which the other exports follow.
 
     ```python
     import clearjoint as cj
@@ -32,7 +35,8 @@ class AbstractTabular(abc.ABC):
 
     @abc.abstractmethod
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with settings and versions as attributes.
+        """Return the results as an `xarray.Dataset`, whose attributes include the versions of the
+        programs.
 
         Its variables have the attributes "units" and "long_name".
         """
@@ -45,7 +49,8 @@ class AbstractTabular(abc.ABC):
         return to_frame(self.to_xarray())
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write `to_dataframe` to a CSV file for `clearjoint.read_csv` and spreadsheets.
+        """Write the data frame of `to_dataframe` to a CSV file, for spreadsheets and
+        `clearjoint.read_csv`.
 
         Units are in the header, and numbers are written without loss.
 
@@ -54,7 +59,8 @@ class AbstractTabular(abc.ABC):
         self.to_dataframe().to_csv(path)
 
     def to_netcdf(self, path: str | PathLike[str]) -> None:
-        """Write `to_xarray` to a netCDF file (classic format, 64-bit offsets), without loss.
+        """Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
+        without loss.
 
         The writer of this format supports only Latin-1. Other characters in names of variables are
         escaped ("\\u8f74"), and the attribute "original_name" has the unescaped name.
@@ -70,6 +76,7 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
     **Raises:** `ValueError` for a variable or dimension without a name.
     """
+    # `escaped` has the written name of each variable or dimension that is not in Latin-1.
     escaped = {}
     for name in map(str, (*dataset.variables, *dataset.sizes)):
         require(name != "", "name", name, "at least one character", "name the variable")
@@ -85,7 +92,8 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 def header(name: str, attributes: dict) -> str:
     """Return the name of a column with its unit, such as "pin.penetration [m]".
 
-    **Arguments:** `attributes`: those of the variable; "units" is its unit.
+    **Arguments:** `name`: name of the column; `attributes`: attributes of its variable, of which
+    "units" is the unit. Without a unit, the result is `name` alone.
     """
     return f"{name} [{attributes['units']}]" if attributes.get("units") else name
 
@@ -93,14 +101,17 @@ def header(name: str, attributes: dict) -> str:
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     """Return a data frame with a row for each position along one dimension of a dataset.
 
-    Variables and coordinates without this dimension are left out. Numbers of a variable with the
-    attribute "flag_meanings", such as result codes, are replaced by their meanings.
+    Each number along the other dimensions of a variable gets a column, such as "arm.position.x
+    [m]". Variables and coordinates without the dimension of the rows are left out. Numbers of a
+    variable with the attribute "flag_meanings", such as result codes, are replaced by their
+    meanings.
 
     **Arguments:** `rows`: name of the dimension; by default the dataset's first.
     """
     import pandas as pd
 
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
+    # The coordinate along the rows becomes the index; further coordinates become columns.
     columns = {}
     coordinates = [name for name in dataset.coords if name != rows]
     for name in (*coordinates, *dataset.data_vars):
@@ -114,7 +125,11 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
     """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
-    of its other dimensions."""
+    of its other dimensions.
+
+    **Arguments:** `name`: name of the variable; `array`: its values and attributes; `rows`: name of
+    the dimension along the rows.
+    """
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
     attributes = array.attrs

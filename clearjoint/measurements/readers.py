@@ -35,7 +35,8 @@ _FIRST_LINE = {
     "parse_dates": False,
     "skipfooter": 0,
 }
-"""Options by which `pandas.read_csv` reads the header as a row of texts."""
+"""Options with which `pandas.read_csv` reads the header alone, as a row of texts. They replace the
+user's options of the same names."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,12 @@ class _Column:
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the first row for which `fine`, (rows,), is false."""
+        """Raise a `ValueError` that names the first row for which `fine`, (rows,), is false; do
+        nothing if there is none.
+
+        **Arguments:** `expected`: condition that each value must meet; `remedy`: advice at the end
+        of the message.
+        """
         if not fine.all():
             k = int(np.argmin(fine))
             value = self.values.tolist()[k]
@@ -144,6 +150,7 @@ def read_csv(
     >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
     array([0.   , 0.001])
     """
+    # The second argument of `column` is the argument that error messages name.
     column = _columns_of(path, options)
     times = _times(column(time, "time"), time_unit)
     series = {
@@ -189,6 +196,7 @@ def function_from_csv(
     >>> print(f"{torque(0.05):.4f} N m")
     1.2500 N m
     """
+    # The second argument of `column_named` is the argument that error messages name.
     column_named = _columns_of(path, options)
     times = _times(column_named(time, "time"), time_unit)
     rows = column_named(column, "column")
@@ -210,7 +218,8 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     headers = [_split(header) for header in table.columns]
     names, written = [name for name, _ in headers], []
     if {"header", "names"}.isdisjoint(options) and names:
-        # pandas renames repeated columns, so the header is read again as a row of texts.
+        # pandas renames repeated columns, so the header is read again as a row of texts, in which a
+        # name that occurs twice can be recognised.
         written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
     file = f"{str(path)!r}"
 
@@ -252,6 +261,7 @@ def from_xarray(
         label = f"variable {name!r} of the dataset"
         return _Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
+    # Each variable may have a time coordinate of its own, so times are read for each of them.
     series = {}
     for name, channel in _valid(channels):
         variables = [str(variable) for variable in dataset.data_vars]
@@ -271,6 +281,7 @@ def from_xarray(
 def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
     import pandas as pd
 
+    # pandas only warns of rows with more fields than the header, and drops the surplus.
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Length of header", pd.errors.ParserWarning)
         try:
@@ -294,7 +305,11 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
-    """Yield pairs (name, channel), after a check that each is a `Channel` with a valid name."""
+    """Yield the pairs (name, channel) of `channels`, after a check that each channel is a `Channel`
+    and each name a text.
+
+    **Raises:** `ValueError` otherwise.
+    """
     remedy = "pass cj.Channel(quantity, noise=...)"
     require_names("channels", channels, remedy)
     for name, channel in channels.items():
@@ -339,10 +354,10 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
-    """Return the series of a column.
+    """Return the series of a column, in SI units.
 
-    **Arguments:** `name`: name of the column; `times`: (rows,) s; `noise`, `missing`: arguments of
-    the reader.
+    **Arguments:** `name`: name of the column; `channel`: its quantity, noise and unit; `column`:
+    its values; `times`: (rows,) s; `noise`, `missing`: arguments of the reader.
 
     **Raises:** `ValueError` for invalid rows or noise, and for a column whose unit is unknown or is
     not the channel's.
@@ -362,6 +377,7 @@ def _series(
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
         deviation = np.asarray(deviation)[valid]
+    # The unit of the table is taken first, and must then be the channel's, if that has one too.
     unit = channel.unit if column.unit is None else column.unit
     if unit is None:
         raise ValueError(

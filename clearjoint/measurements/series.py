@@ -70,6 +70,7 @@ class Series(AbstractReadable):
         expected = "given for a channel without a unit"
         require(unit is not None, "unit", unit, expected, 'pass it, for example unit="mm"')
         assert unit is not None
+        # Without a unit of the channel, values are converted to the SI unit of the same dimension.
         factor, self.unit = to_si(unit, si)
         self.channel, self.name = channel, name
         self.times = as_number(times, "times", "s")
@@ -77,6 +78,7 @@ class Series(AbstractReadable):
         self.noise = as_number(noise, "noise", unit) * factor * np.ones(np.shape(self.values))
 
     def __check_init__(self):
+        # Numbers that JAX traces have no known values, so they are not checked.
         rows = [concrete(row) for row in (self.times, self.values, self.noise)]
         if any(row is None for row in rows):
             return
@@ -99,8 +101,8 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """Period of the quantity in SI, such as 2 pi rad for an angle; ``None`` without a
-        period."""
+        """Period of the quantity in its SI unit, such as 2 pi rad for an angle; ``None`` for a
+        quantity without a period."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
@@ -120,7 +122,8 @@ class Series(AbstractReadable):
         """
         given = prediction, self.values, self.noise
         traced = any(concrete(each) is None for each in given)
-        # NumPy compiles nothing for a new number of samples.
+        # JAX is used for JAX arrays only. It would compile its operations again for each number of
+        # samples, which NumPy need not do.
         library = jnp if traced or isinstance(prediction, jax.Array) else np
         prediction, values, noise = map(library.asarray, given)
         shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
@@ -134,7 +137,9 @@ class Series(AbstractReadable):
     def with_noise(self, generator: np.random.Generator) -> "Series":
         """Return a copy with normally distributed noise, of standard deviation `noise`, added.
 
-        A series of predicted values becomes a series of synthetic measurements.
+        From a series of predicted values this makes synthetic measurements.
+
+        **Arguments:** `generator`: source of the random numbers.
         """
         drawn = self.values + self.noise * generator.standard_normal(len(self))
         return self._of(self.times, drawn, self.noise)
@@ -154,7 +159,11 @@ def require_each(
     fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
     """Raise a `ValueError` that names the first entry of `values`, (N,), for which `fine`, (N,), is
-    false."""
+    false; do nothing if there is none.
+
+    **Arguments:** `argument`: name of the array; `expected`: condition that each entry must meet;
+    `remedy`: advice at the end of the message.
+    """
     if not fine.all():
         k = int(np.argmin(fine))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
@@ -220,7 +229,7 @@ class Measurements(AbstractReadable):
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
         """Return a copy in which normally distributed noise is added to each series, with the
-        series' own standard deviation."""
+        series' own standard deviation. `generator` is the source of the random numbers."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":

@@ -16,19 +16,22 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of all powers in a unit. Without a limit, pint would compute integers that
-exhaust the memory."""
+"""Largest product of the magnitudes of all powers in a unit. Without a limit, pint would compute
+integers that exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 """A power with a small exponent, such as "**2" or "**(-1/2)"."""
+# The remedy in error messages about a unit.
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
     """Return the factor that converts values from a unit to an SI unit, and the SI unit as text.
 
+    The first result times a value in `unit` is the value in the second result.
+
     **Arguments:**
 
-    - `unit`: any unit that pint knows.
+    - `unit`: any unit that pint knows, such as "mm" or "rpm".
     - `si`: the SI unit to convert to; ``None`` for the SI base unit of the same dimension.
 
     **Raises:** `ValueError` for an unknown unit, a unit of another dimension, and a unit that is
@@ -57,6 +60,9 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
 def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
     from pint.util import string_preprocessor
 
+    # Units come from headers of files, so pint's parser must not be given an expression that takes
+    # it very long. Only powers with small exponents are accepted, and no powers of powers: after
+    # every accepted power has become "#", neither "##" nor "**" may be left.
     require(len(unit) <= LONGEST, "unit", unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)

@@ -1,1 +1,1 @@
-"""Parameter sweeps: axes, outputs, execution of lanes, stores on disk, labelled results."""
+"""Parameter sweeps: their axes, outputs, execution, stores on disk, and labelled results."""

@@ -106,14 +106,16 @@ class Axis:
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
-        """Return a function of a scene, a state and a value that returns both with the value set.
+        """Return a function of a scene, a state and a value, which returns scene and state with the
+        value set.
 
         The function takes scenes and states of the same structure as `scene` and `state`.
         """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return the class of the variation and a description of its function as text."""
+        """Return a text about the axis for the notes of a sweep: the kind of the variation and the
+        name of its function."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -140,7 +142,8 @@ class Lanes:
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints with contacts by name, as they are in all lanes.
 
-        Each number of a joint becomes an array (lanes,); vectors are split into their components.
+        Each number of a joint becomes an array (lanes,), and vectors are split into their
+        components, so that one call of a method of the joint computes all lanes.
         """
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
@@ -154,6 +157,8 @@ class Lanes:
         count = len(jax.tree.leaves(self.states)[0])
 
         def in_all(base: PyTree, in_lanes: np.ndarray | None) -> PyTree:
+            # A leaf that differs between lanes is an array already, and one that is no number
+            # stays.
             if in_lanes is not None or not eqx.is_array_like(base):
                 return base if in_lanes is None else in_lanes
             return np.broadcast_to(base, (count, *np.shape(base)))
@@ -188,6 +193,7 @@ def lanes_of(
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
     bad: dict[int, str] = {}
+    # Axes that only set numbers, which is the usual case, need no loop over the lanes in Python.
     if all(isinstance(change, NumberSetter) for change in changes.values()):
         columns = _columns_by_setters(scene, base, changes, values)
     else:
@@ -203,6 +209,7 @@ def lanes_of(
         scene_and_state = jax.tree.unflatten(structure, leaves)
         try:
             recheck_changes(scene_and_state, structure, changed)
+            # A changed state must still be finite, with Euler parameters of about unit norm.
             if any(changed[scene_leaves:]):
                 check_names(*scene_and_state)
         except ValueError as error:
@@ -272,7 +279,9 @@ def _columns_by_functions(
 ) -> Columns:
     """Return the columns by calling the axes' functions for every lane.
 
-    A lane whose function raises a `ValueError` gets the unchanged leaves and an entry in `bad`.
+    The arguments are those of `lanes_of`, with the functions `changes` in place of the axes; `bad`
+    is extended. A lane whose function raises a `ValueError` gets the unchanged leaves and an entry
+    in `bad`.
     """
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
@@ -350,7 +359,8 @@ _checks = NativeFunction(_all_hold)
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
     """Return a PyTree like the scene with ``True`` for each number that an axis can change.
 
-    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes.
+    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. They
+    must be arguments of the programs of a store, so that further values of an axis can be added.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

@@ -24,15 +24,18 @@ Tracer = Callable[[], Mapping[str, str]]
 """Function that returns digests, by name, of the programs that the calling process would run."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
-"""Time, s, without a result after which a warning is logged if no progress bar is shown."""
+"""Time, s, without a result after which a warning is logged if no progress bar is shown, because
+the workers may be unable to start."""
 ROUNDS = 3
-"""Number of attempts to compute the lanes that are missing in the store."""
+"""Number of attempts to compute the lanes that are missing in the store. More than one is needed
+only if another process writes to the store at the same time."""
 WRITE_PERIOD = 10.0
-"""Longest time, s, for which a lane that has ended waits for the other lanes of its chunk."""
+"""Longest time, s, for which a lane that has ended waits for the other lanes of its chunk before it
+is written. It limits the loss if the process is killed."""
 WRITE_SHARE = 0.1
 """Largest share of the time that writing incomplete chunks may take."""
 STORED = "stored"
-"""Description of the progress bar."""
+"""Description of the progress bar, which counts the lanes in the store."""
 
 
 def compute_missing(
@@ -48,7 +51,7 @@ def compute_missing(
     **Arguments:**
 
     - `work`: the lanes of the sweep.
-    - `store`: store of the results.
+    - `store`: store of the results, on disk or in memory, which may have some of them already.
     - `trace`: function with which worker processes check that they have the same code as this one;
       ``None`` for no check.
     - `executor`, `threads`, `progress`: as in `sweep`.
@@ -75,9 +78,14 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
 ) -> None:
-    """Compute chunks on an executor and write them to the store."""
+    """Compute chunks on an executor and write them to the store.
+
+    **Arguments:** `chunks`: function that computes a chunk, with the lanes that are missing; `bar`:
+    progress bar of lanes.
+    """
     missing = chunks.lanes
 
+    # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
     def on_done(chunk: int, results: LaneArrays) -> None:
         store.write(chunk, missing[chunk], results)
         bar.set_description_str(STORED, refresh=False)
@@ -105,8 +113,11 @@ def _by_threads(
 ) -> None:
     """Compute lanes in threads of this process and write them to the store.
 
-    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk.
+    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk; `threads`:
+    number of threads; `bar`: progress bar of lanes.
     """
+    # The writer decides when lanes are written. Lanes that are not written yet are written at the
+    # end, also after an error or an interrupt.
     writer = _Writer(missing, store, bar)
 
     def on_progress(running: Running) -> None:
@@ -161,7 +172,8 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write lanes of incomplete chunks if they are many or have waited for long."""
+        """Write lanes of incomplete chunks if they are as many as a chunk has, or have waited for
+        `WRITE_PERIOD` seconds."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # On a slow disk, the time since the last write must be long relative to its duration.
@@ -196,6 +208,8 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+    # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
+    # that still run.
     bar = ProgressBar(
         total=lanes,
         initial=done,

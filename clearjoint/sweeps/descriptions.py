@@ -28,8 +28,14 @@ def variables_of(
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
     """Return the variables of a sweep by name, and the labels of their dimensions.
 
+    **Arguments:** `scene`: scene of the sweep; `outputs`: requested outputs by name.
+
+    **Returns:** the variables that every sweep has, followed by those of the outputs; and a
+    `Coordinate` for each dimension with labels, apart from the axes.
+
     **Raises:** `ValueError` for an output whose variables have names that are already used.
     """
+    # By the CF conventions, these attributes tell the names of the integers of a code.
     codes = result_numbers()
     flags = {
         "flag_values": [PENDING, *codes.values()],
@@ -61,7 +67,10 @@ def variables_of(
 
 
 def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, Variable]:
-    """Return the variables of one output by name."""
+    """Return the variables of one output by name.
+
+    **Arguments:** `scene`: scene of the sweep; `name`: name of the output.
+    """
     if isinstance(output, StatesOfLanes):
         return _states(scene, name, "of the bodies", (variable_name(name, "time"), output.times))
     if isinstance(output, AbstractReduction):
@@ -71,6 +80,9 @@ def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, V
             variable_name(name, key): Variable(unit=unit, description=texts[key])
             for key, unit in output.units().items()
         }
+    # All other outputs are tables of impacts, crossings or saved quantities. They have a variable
+    # for each column, along the numbers of the rows. Lanes record different numbers of impacts and
+    # crossings, which are counted in a further variable.
     counted: dict[str, Variable] = {}
     if isinstance(output, ImpactTable):
         dims = variable_name(name, CONTACT), variable_name(name, "number")
@@ -91,7 +103,7 @@ def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, V
 def _states(
     scene: Scene, name: str, description: str, along: tuple[str, np.ndarray] | None = None
 ) -> dict[str, Variable]:
-    """Return variables with the states of all bodies.
+    """Return variables with the states of all bodies, by name.
 
     **Arguments:** `name`: output to which the states belong; `description`: end of the variables'
     descriptions; `along`: name of a dimension before that of the bodies, and its labels.
@@ -111,9 +123,10 @@ def _states(
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
     """Return, as texts by name, the settings that a store compares.
 
-    The numbers of the lanes depend on them, so a sweep with other settings is another sweep.
+    The numbers of the lanes depend on them, so a sweep with other settings is another sweep. Other
+    settings, such as the solver, are recognised by the digests of the traced programs.
 
-    **Arguments:** `start_time`: s.
+    **Arguments:** `start_time`: s, start of all runs.
     """
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
@@ -130,9 +143,14 @@ def notes_for_readers(
 ) -> dict[str, str]:
     """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
 
-    A store does not compare these notes. It recognises a sweep by the traced programs and the
-    numbers of the lanes (see `clearjoint.sweeps.store.program`).
+    They become attributes of the results, so that readers see how these were computed. A store does
+    not compare these notes. It recognises a sweep by the traced programs and the numbers of the
+    lanes (see `clearjoint.sweeps.store.program`).
+
+    **Arguments:** `settings`, `end_time`, `outputs`, `axes`: arguments of `sweep`; `lanes`: scenes
+    and initial states of the lanes.
     """
+    # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     names = ("solver", "controller", "first_step", "stabilisation", "redundant")
     choices = {
@@ -144,6 +162,7 @@ def notes_for_readers(
     return {
         **described(choices),
         **{f"axis {name}": axis.described() for name, axis in axes.items()},
+        # Names and kinds of the scene's elements, with 0 in place of their numbers.
         "structure": describe(jax.tree.map(lambda _: 0, lanes.scene)),
         **_constant_numbers(lanes.scene, lanes.varied, "scene"),
         **_constant_numbers(lanes.state, states, "state"),

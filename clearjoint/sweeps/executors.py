@@ -48,7 +48,8 @@ from .layout import LaneArrays
 
 
 class _Pickler(cloudpickle.Pickler):
-    """Pickles functions and classes of scripts and notebooks, among them equinox modules."""
+    """Pickler for functions and classes that are defined in scripts and notebooks, among them
+    equinox modules, which cloudpickle alone does not restore."""
 
     def reducer_override(self, value: object) -> object:
         # cloudpickle makes a class of a script or notebook without attributes and sets them
@@ -97,9 +98,11 @@ ChunkFunction = Callable[[int], LaneArrays]
 RETRIES = 3
 """Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
 TICK = 1.0
-"""Time, s, between two calls of `on_start`."""
+"""Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
+are still starting."""
 QUEUED = 2
-"""Chunks submitted for each worker: one that it computes and one that waits."""
+"""Number of chunks submitted for each worker: one that it computes, and one that waits so that the
+worker need not."""
 
 
 class AbstractSubmitter(Protocol):
@@ -186,9 +189,16 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a Dask client, with the function that its workers call for each chunk."""
+    """An executor or a Dask client, with the function that its workers call for each chunk.
+
+    **Arguments:** `executor`: the executor or client; `task`: the function of a chunk's number.
+
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes.
+    """
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
+        # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
+        # it would wait forever.
         remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
         expected = "a concurrent.futures.Executor or a dask.distributed.Client"
         require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
@@ -201,11 +211,13 @@ class _Pool:
         make = getattr(executor, "get_executor", None)
         self._threads = getattr(executor, "nthreads", None)
         self._executor = executor if make is None else make(pure=False, retries=RETRIES)
+        # Threads call the function itself; processes get its pickled form.
         in_process = isinstance(executor, ThreadPoolExecutor)
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return how many chunks may be submitted and unfinished at present."""
+        """Return the largest number of submitted chunks that may be unfinished at present: `QUEUED`
+        for each worker."""
         if self._threads is not None:  # The number of workers of a cluster may change.
             workers = sum(self._threads().values())
         else:
@@ -213,7 +225,10 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk and return its future; if the executor is broken, it has the error."""
+        """Submit a chunk and return its future.
+
+        If the executor is broken, the future has the error, as for a chunk that fails.
+        """
         try:
             return self._executor.submit(self._call, chunk)
         except BrokenExecutor as error:
@@ -238,7 +253,10 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
-    """Adopt the settings in the bytes of `_payload`, and return the function."""
+    """Adopt the runtime settings in the bytes of `_payload`, and return the function.
+
+    A worker process does so once for a sweep, and keeps the function for further chunks.
+    """
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)
@@ -279,7 +297,7 @@ def _call(payload: bytes, chunk: int) -> LaneArrays:
 
 
 def _fail(failed: dict[int, BaseException], done: int) -> None:
-    """Raise a `ChunkError`.
+    """Raise a `ChunkError` that names the failed chunks and the first error.
 
     **Arguments:** `failed`: errors by number of the chunk; `done`: number of computed chunks.
     """
@@ -288,6 +306,8 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
         why = "killed, or out of memory"
+        # If workers die before the first result, mostly the script lacks the guard of its main
+        # part.
         if not done:
             why = (
                 "no chunk was computed: a script must call the sweep below "

@@ -24,13 +24,13 @@ RESULT = "result"
 BY_LANE = "by_lane"
 """Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1
-"""Result code of a lane that has not been computed."""
+"""Result code of a lane that has not been computed, which is then called pending."""
 LaneArrays = dict[str, np.ndarray]
 """Results by name of the variable, of one lane (...) or of several lanes (lanes, ...)."""
 
 
 class Coordinate(NamedTuple):
-    """Labels along a dimension of the results.
+    """Labels along a dimension of the results, such as the values of an axis or names of bodies.
 
     - `name`: name of the dimension.
     - `values`: (n,) numbers or texts.
@@ -43,7 +43,8 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attribute "units" of the CF conventions; none for texts."""
+        """The attribute "units" of the CF conventions by its name; an empty dictionary for
+        texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
@@ -65,12 +66,13 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """Value of entries that have not been computed: NaN, -1 or false, according to the type."""
+        """Value of entries that have not been computed: NaN for floats, -1 for integers, and false
+        for truth values."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return entries that have not been computed, (lanes, ...)."""
+        """Return the entries of a number of `lanes` that have not been computed, (lanes, ...)."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
@@ -81,7 +83,9 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The shape, the labels and the settings of a sweep.
+    """The shape, the labels and the settings of a sweep's results.
+
+    It is known before the sweep runs, and serves to make its store and its dataset.
 
     **Arguments:**
 
@@ -109,12 +113,16 @@ class Layout:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        # Values are converted to arrays, and names to those that netCDF allows. The class is
+        # frozen, so the fields are set by `object`.
         for part in ("axes", "coordinates"):
             object.__setattr__(self, part, tuple(map(_with_array, getattr(self, part))))
         for part in ("settings", "notes"):
             texts = {_netcdf_name(name): text for name, text in getattr(self, part).items()}
             object.__setattr__(self, part, texts)
         require_array_names("variables", self.variables, "name every result")
+        # A dataset has one namespace for variables, labels and dimensions, and a store has a folder
+        # for each of them beside the folder `BY_LANE`.
         labels = [c.name for c in (*self.axes, *self.coordinates)]
         dims = {dim for variable in self.variables.values() for dim in variable.dims}
         names = [LANE, *labels, *self.variables, *(dims - {c.name for c in self.coordinates})]
@@ -149,7 +157,7 @@ class Layout:
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return by name of the axis its value in every lane, (lanes,)."""
+        """Return the value of each axis in every lane, (lanes,), by name of the axis."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
@@ -170,6 +178,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
     """
     import xarray as xr
 
+    # If the sweep is zipped, there is one dimension of lanes, along which the axes are labels.
+    # Otherwise each axis is a dimension of its own, and results are reshaped from lanes to axes.
     dims = (LANE,) if layout.zipped else tuple(axis.name for axis in layout.axes)
     along = [LANE] * len(layout.axes) if layout.zipped else list(dims)
     along += [c.name for c in layout.coordinates]
@@ -189,7 +199,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """Return a coordinate with an array of numbers or of texts as values."""
+    """Return a coordinate whose values are an array of numbers or truth values, or of texts if they
+    are anything else."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "bif":
         return coordinate._replace(values=values)

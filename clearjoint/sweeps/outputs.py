@@ -1,4 +1,5 @@
-"""Outputs of a sweep: quantities and states at given times, tables of impacts, and checks."""
+"""Outputs of a sweep: quantities and states at given times, and tables of impacts. Functions of
+this module also check all outputs of a sweep before it runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ from ..simulation.run.saving import Saving
 from ..simulation.run.sections import Channels, Section, check_channels, check_quantities
 
 SAVED = "saved"
-"""Prefix of the variables with saved states: "saved_position" is the position of all bodies."""
+"""Prefix of the variables with saved states, such as "saved_position", the positions of all
+bodies."""
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 
 
@@ -32,7 +34,7 @@ class Saved:
 
     - `times`: (K,) s, rising; or a function of the lane's scene that returns K times for every
       lane, such as one time in each revolution of a crank whose speed is swept.
-    - `channels`: pairs (quantity, unit as text) by name.
+    - `channels`: the quantities to record: pairs (quantity, unit as text) by name.
 
     **Raises:** `ValueError` for channels that are not such pairs.
 
@@ -75,10 +77,10 @@ class Saved:
 class ImpactTable:
     """Table of the finished impacts of a lane, with the columns of `simulate`'s table.
 
-    For each contact, labelled "joint contact", the table has the first `count` impacts: onset,
-    separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
-    penetration, m. It also has the number of recorded impacts. A contact with `count` recorded
-    impacts may have had more.
+    For each contact, labelled by joint and contact such as "pin V", the table has the first `count`
+    impacts: onset, separation, duration and peak time, s, entry and exit speed, m/s, peak force, N,
+    and largest penetration, m. It also has the number of recorded impacts. A contact with `count`
+    recorded impacts may have had more.
 
     Quantiles of the recorded impacts are exact:
 
@@ -135,7 +137,7 @@ class ImpactTable:
 
 
 class PartOfStates(eqx.Module):
-    """Quantity with one part of the states of all bodies.
+    """Quantity whose value is one part of the states of all bodies, such as all positions.
 
     - `part`: "position", "orientation", "velocity" or "spin", in the unit given by `STATE_PARTS`.
     - `bodies`: names of the bodies, in the order of the rows.
@@ -150,7 +152,8 @@ class PartOfStates(eqx.Module):
 
 
 class StatesOfLanes:
-    """Output with the states of all bodies of a scene at given times.
+    """Output with the states of all bodies of a scene at given times. A sweep has it if
+    `Saving.times` is given.
 
     **Arguments:** `times`: (K,) s, the same in all lanes; `scene`: scene with these bodies.
     """
@@ -210,10 +213,12 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         check_reductions({name: output}, scene, ledger)
         if isinstance(output, AbstractReduction):
             continue
+        # The message of the error gets the name of the output, as for reductions.
         try:
             output.check(scene)
         except ValueError as error:
             raise ValueError(f"Output {name!r}: {error}") from error
+    # A lane has one list of times to save at.
     saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
     remedy = "join their times"
     require(len(saves) <= 1, "outputs", saves, "outputs with at most one Saved", remedy)

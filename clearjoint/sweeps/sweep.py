@@ -48,11 +48,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 256
-"""Number of lanes in a chunk by default."""
+"""Number of lanes in a chunk by default. A chunk is one file for each result, and the unit of work
+of an executor."""
 
 
 class SweepOptions(TypedDict, total=False):
-    """Options that functions which make a sweep pass on to `sweep`."""
+    """Keyword arguments that functions such as `sobol_indices`, which run a sweep themselves, pass
+    on to `sweep`; see there."""
 
     path: str | PathLike | None
     executor: AbstractSubmitter | None
@@ -185,7 +187,8 @@ def checked_starts(
 ) -> tuple[Lanes, bool]:
     """Check the constraints of each lane at the start, as `simulate` does.
 
-    **Arguments:** `start_time`: s; `coordinates`: coordinates that the solver uses.
+    **Arguments:** `lanes`: scenes and initial states; `start_time`: s; `coordinates`: coordinates
+    that the solver uses.
 
     **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
     are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
@@ -194,6 +197,7 @@ def checked_starts(
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
+    # Lanes often have equal rows, for which the search for dependent rows is done once, by `known`.
     bad, redundant = dict(lanes.bad), False
     known: dict[bytes, np.ndarray] = {}
     # The runs of lanes that violate their constraints end with the result code not_assembled.

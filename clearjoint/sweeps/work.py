@@ -1,4 +1,4 @@
-"""Running the lanes of a sweep, and conversion of their results to arrays."""
+"""Computation of the lanes of a sweep, and conversion of their results to arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ..simulation.results.state_tables import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"
-"""End of the name of an impact table's dimension of contacts; see `variable_name`."""
+"""End of the name of an impact table's dimension of contacts, such as "hits_contact"."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Work:
     - `tasks`: data of each lane, in NumPy arrays (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters; they are not run.
-    - `variables`: the results of a lane, by name.
+    - `variables`: by name, the type, shape and unit of each result of a lane.
     """
 
     common: Common
@@ -54,8 +54,9 @@ class Work:
         - `on_progress`: function that is called several times a second with the progress of the
           running lanes.
 
-        **Returns:** the batch of lanes.
+        **Returns:** the batch of lanes, which tells the number of turns that its loops have taken.
         """
+        # Lanes with invalid parameters get a result code at once, and pending entries otherwise.
         bad = np.array([lane for lane in lanes if lane in self.bad], int)
         if bad.size:
             results = {name: v.pending(len(bad)) for name, v in self.variables.items()}
@@ -72,6 +73,7 @@ class Work:
 
     def _results(self, ended: Ended) -> LaneArrays:
         """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
+        # Names are those of `clearjoint.sweeps.descriptions.variables_of`.
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),
@@ -115,12 +117,13 @@ class Work:
 
 @dataclass(frozen=True)
 class Chunks:
-    """Function that computes a chunk of a sweep, also in a worker process.
+    """Function that computes a chunk of a sweep, in this process or in a worker process.
 
     - `work`: all lanes of the sweep.
     - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: function that returns digests of the programs that the calling process would run,
-      which must equal those of `work`; ``None`` for no check.
+    - `trace`: function that returns digests, by name, of the programs that the calling process
+      would run. They must equal those of `work`, or a worker would compute with other code;
+      ``None`` for no check.
     """
 
     work: Work
@@ -142,7 +145,10 @@ class Chunks:
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
-        """Raise a `RuntimeError` if this process would run other programs than those of `work`."""
+        """Raise a `RuntimeError` if this process would run other programs than those of `work`.
+
+        Programs are compared once in each process, because tracing them takes long.
+        """
         expected = self.work.common.programs
         if self.trace is None or expected in _confirmed_programs:
             return
@@ -155,7 +161,8 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of programs that this process has traced. Each process traces them once only."""
+"""Digests of the programs that this process has traced and found equal to those of a sweep. Each
+process traces the programs of a sweep once only."""
 
 
 def variable_name(output: str, key: str) -> str:

@@ -1,2 +1,2 @@
-"""The runs of a sweep, computed side by side: lanes, the data that they record, and their
-scheduler."""
+"""Computation of the runs of a sweep (lanes) side by side: steps and recorded data of a lane, and
+the scheduler that distributes lanes to compiled loops."""

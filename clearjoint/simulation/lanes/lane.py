@@ -52,8 +52,8 @@ class Plan(eqx.Module):
     """Integration method and outputs that all lanes of a batch share.
 
     - `scheme`: integration method and formulation of the equations of motion.
-    - `reductions`, `sections`, `impacts`: reductions such as a peak force, recorders of crossings,
-      and recorders of impacts, each by the name of its output.
+    - `reductions`, `sections`, `impacts`: reductions such as a peak force, recorders of the
+      crossings of sections, and recorders of impacts, each by the name of its output.
     - `saves`: whether states are saved at given times.
     - `max_steps`: largest number of attempts in a lane.
     """
@@ -66,7 +66,13 @@ class Plan(eqx.Module):
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     def loop(self, system: System, request: "SegmentRequest") -> RunLoop:
-        """Return the loop of a lane, whose recorders keep as many rows as `request` asks for."""
+        """Return the loop that advances a lane by one attempt at a time and records its outputs.
+
+        **Arguments:** `system`: equations of motion of the lane's scene; `request`: the end time,
+        and the number of rows that each log may still get.
+        """
+        # A section has one log, which has the name of the output. A table of impacts has a log for
+        # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             SECTIONS: {
@@ -84,10 +90,11 @@ class Plan(eqx.Module):
 
 
 class SegmentRequest(eqx.Module):
-    """Data for a lane, which the host updates whenever it has emptied the lane's buffers.
+    """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
     - `end_time`: s, end of the run; `first_step`: s, length of its first step.
-    - `window`: (`WINDOW`,) s, the next times to save at, filled up with infinity.
+    - `window`: (`WINDOW`,) s, the next times at which states are to be saved; infinite where no
+      such time is left.
     - `wanted[log]`: number of rows of a log that are still to be recorded.
     """
 
@@ -100,9 +107,9 @@ class SegmentRequest(eqx.Module):
 class Lane(eqx.Module):
     """A run between two turns of the loop over lanes.
 
-    - `run`: the run after its latest attempt. Its records are those of reductions, sections and
-      tables of impacts by the name of the output and, if states are saved, the latest accepted
-      step.
+    - `run`: the run after its latest attempt: the complete state of the solver, and the records of
+      reductions, sections and tables of impacts by the name of the output. If states are saved, the
+      latest accepted step with its dense output is recorded too.
     - `saved`: saved states that the host has not read yet; ``None`` unless states are saved.
     """
 
@@ -110,11 +117,13 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Return whether the run goes on: it is before `end_time`, s, and has not failed."""
+        """Return whether the run goes on: it is before `end_time`, s, it has not failed, and it has
+        made fewer than `plan.max_steps` attempts."""
         return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """Return the buffers of crossings and of impacts, by the name of their log."""
+        """Return the buffers of crossings and of impacts, by the name of the log whose rows they
+        hold."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[IMPACTS].items():
@@ -125,15 +134,18 @@ class Lane(eqx.Module):
 
 
 def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
-    """Return those entries of `wanted` whose key starts with `prefix`, with the rest of the key as
-    their key."""
+    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of the key.
+
+    With the prefix "hits/", for example, the entry of the log "hits/pin V" gets the key "pin V".
+    """
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
     """Return the name of the log of one contact's impacts, such as "hits/pin V".
 
-    No output can have this name. `name` is the name of the output, a table of impacts.
+    `name` is the name of the output, a table of impacts. No output can have the same name as a log,
+    since names of outputs must not contain a slash.
     """
     return f"{name}/{contact_label(joint, contact)}"
 
@@ -144,7 +156,8 @@ class Outcome(eqx.Module):
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `final`: the state at the end.
-    - `results[name][part]`: results of the reductions, by the name of the output and of the result.
+    - `results[name][part]`: results of the reductions, by the name of the output and of the result,
+      such as `results["force"]["time"]`.
     """
 
     time: Scalar
@@ -158,9 +171,15 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
 ) -> Lane:
-    """Return a lane before its first step at `start_time`, s, from a packed initial state."""
-    # A compiled lane cannot raise an error. If its state violates the constraints, it gets a result
-    # code with which it takes no step, and the other lanes run.
+    """Return a lane before its first step at `start_time`, s.
+
+    A lane whose state violates the constraints, or cannot be represented by the coordinates of the
+    run, gets the result code `not_assembled` and takes no step.
+
+    **Arguments:** `plan`: method and outputs; `scene`: the lane's scene, in scalar form; `state`:
+    the packed initial state; `request`: end time, first step, and rows to record.
+    """
+    # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     fits = _is_assembled(plan, scene, state, start_time)
     system = plan.scheme.system(scene)
     step = begin_run(
@@ -181,6 +200,9 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
 
     In a turn, the lane tries one step, unless its run has ended, it waits for the host, or a state
     within its latest step is still to be saved. After that, it saves at most one state.
+
+    **Arguments:** `plan`: method and outputs; `scene`: the lane's scene, in scalar form; `lane`:
+    the lane before the turn; `request`: the latest data from the host.
     """
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
@@ -188,6 +210,9 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
         return Lane(run, None)
     saved, lane = lane.saved, Lane(run, lane.saved)
     due = _save_is_due(lane, request) & jnp.logical_not(saved.is_full())
+    # The dense output is evaluated in every turn, because lanes side by side cannot branch. If no
+    # state is due, the row is not written. The interpolated state is corrected in the same way as
+    # the end of a step, so that constraints hold in it as well as there.
     row = run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
     row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
     return Lane(run, saved.with_row(row, due))
@@ -196,7 +221,7 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """Return the outcome of a lane so far, which is final if the lane has ended.
 
-    **Arguments:** `scene`: in scalar form; `end_time`: s, end of the lane's run.
+    **Arguments:** `scene`: the lane's scene, in scalar form; `end_time`: s, end of the lane's run.
     """
     system = plan.scheme.system(scene)
     step = lane.run.step
@@ -230,10 +255,14 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
         # A lane keeps the dense output of its latest step only. So it takes no step before the
-        # states at all times within that step are saved, or while the buffer of states is full.
+        # states at all times within that step are saved, nor while the buffer of states is full.
+        # With a full buffer the window's last time is the next one to save at. If it is infinite,
+        # all states are saved, and the lane goes on.
         more = request.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_save_is_due(lane, request))
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)
+    # If further rows are wanted, a full buffer of crossings or impacts must be emptied first, or
+    # the next row would be lost.
     for log, rows in lane.buffers().items():
         waits = rows.is_full() & (request.wanted[log] > rows.count)
         goes = goes & jnp.logical_not(waits)
@@ -241,21 +270,21 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
-    """Return the next time to save at, s; infinite if states have been saved at all times."""
+    """Return the next time at which a state is to be saved, s; infinite if no such time is left."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
-    """Return whether the run has reached the next time to save at."""
+    """Return whether the run has reached the next time at which a state is to be saved."""
     if lane.saved is None:
         return jnp.asarray(False)
     return _next_save(lane, request) <= lane.run.step.t
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
-    """Return whether a packed state satisfies all ideal joints at a time t, s, and whether the
-    coordinates of the run can represent it."""
+    """Return whether a packed state satisfies the constraints of all ideal joints, and their time
+    derivatives, at a time t, s, and whether the coordinates of the run can represent it."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)

@@ -3,6 +3,11 @@
 A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
 array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
 thread has one group. By default there is a thread for each core, or for each accelerator.
+
+A lane records rows in logs: the crossings of a section, the impacts of a contact, or the saved
+states. It keeps the latest rows of each log in a buffer. When a buffer is full, the lane waits
+until this module (the host) has read and emptied it. A turn is one iteration of a loop, in which
+each lane tries one step.
 """
 
 import threading
@@ -37,23 +42,27 @@ from .tasks import Columns, Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Largest time, s, between two reports of progress and of lanes that have ended."""
+"""Largest time, s, between two reports of progress and of lanes that have ended. It is short enough
+for a progress bar that moves evenly."""
 KNOWN_SHARE = 0.01
-"""Share of all work that must be done before the time left is estimated."""
+"""Share of all work that must be done before the time left is estimated, since an estimate from
+less would not be reliable."""
 BLOCK_ROWS = 256
-"""Largest number of recorded rows that one call of a compiled function converts to columns."""
+"""Largest number of recorded rows of a lane that a compiled function converts at once to columns of
+results."""
 OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Results of n lanes that have ended, in NumPy arrays with n in front.
+    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
     - `lanes`: (n,), the numbers of the lanes.
     - `outcome`: the outcomes of the lanes.
-    - `logs[log]`: a pair of the recorded columns by name, (n, rows, ...) filled up with NaN, and of
-      the numbers of recorded rows, (n,).
+    - `logs[log]`: a pair for each log. The first entry has the recorded columns by name, (n, rows,
+      ...), with NaN behind the rows that a lane has recorded; the second has the numbers of
+      recorded rows, (n,).
     """
 
     lanes: np.ndarray
@@ -83,10 +92,10 @@ class Batch:
     **Arguments:**
 
     - `common`: data that all lanes share.
-    - `tasks`: data of the L lanes, a `Task` of NumPy arrays with L in front.
+    - `tasks`: data of the L lanes, a `Task` of NumPy arrays with a first axis of length L.
     - `threads`: number of threads, as set by `clearjoint.configure` unless given.
 
-    `lengths[log]`: largest number of rows of each log.
+    The attribute `lengths[log]` is the largest number of rows of each log.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
@@ -102,9 +111,10 @@ class Batch:
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
-        """Return a batch of other lanes, which shares the programs of this one.
+        """Return a batch of other lanes, which shares the compiled programs of this one.
 
-        **Arguments:** `tasks`: data of any number of lanes, of equal shapes otherwise.
+        **Arguments:** `tasks`: data of any number of lanes, whose arrays have the shapes of this
+        batch's arrays apart from their first axis.
         """
         other = Batch(self.common, tasks, self._threads)
         other._made = self._made
@@ -129,6 +139,7 @@ class Batch:
             return
         programs = self._programs()
         shared = _Shared(self, programs, deque(lanes))
+        # A thread more than there are groups of lanes to fill would have nothing to do.
         count = min(self._threads, -(-len(lanes) // programs.loop.width))
         groups = [_Group(shared, number) for number in range(count)]
         threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
@@ -136,7 +147,8 @@ class Batch:
             try:
                 for thread in threads:
                     thread.start()
-                # Threads compute without Python's lock; this one hands over and shows progress.
+                # The threads compute without Python's lock. Meanwhile this thread passes results
+                # and progress to the callbacks.
                 _deliver(shared, groups, on_ended, on_progress, stopped)
             finally:
                 shared.stops = True
@@ -165,19 +177,22 @@ class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
     - `loop`: the loop over lanes.
-    - `own_cells`: layout of the data of a lane: the cells of its task, then those of its request.
+    - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
+      its request.
     - `task_cells`: number of cells of a task.
     - `request`: a `SegmentRequest` whose leaves are the indices of the request's cells in a column.
-    - `begin`, `outcome`, `columns[log]`: functions that make the compiled functions for a lane's
-      start, its outcome, and the columns of a log. Each thread needs functions of its own.
+    - `begin`, `outcome`, `columns[log]`: functions without arguments, each of which makes a
+      compiled function: for a lane's start, for its outcome, and for the columns of a log. Each
+      thread makes functions of its own, because two threads must not call one at the same time.
     - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
     - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
-      and of its count.
+      and of the count of rows.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
     def __init__(self, batch: Batch, native: bool):
-        # The first lane is an example of the structure, shapes and dtypes of all lanes.
+        # The first lane is an example of the structure, shapes and dtypes of all lanes. Times to
+        # save at are no part of a lane's data: they reach it through the window of its request.
         common, bare = batch.common, replace(batch.tasks, save_at=None)
         requests = _first_requests(batch)
         task, request = (
@@ -187,6 +202,7 @@ class _Programs:
             lane = _begun(common, task)
             self.loop = _LOOPS.loop(common, (task, request), lane)
         else:
+            # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
             own = task, request
             self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
@@ -222,7 +238,7 @@ class _Programs:
 
 
 def _first_requests(batch: Batch) -> SegmentRequest:
-    """Return the first request of each of the L lanes, with L in front of each array."""
+    """Return the first requests of the L lanes, in arrays with a first axis of length L."""
     common, tasks = batch.common, batch.tasks
     count = len(tasks.end_time)
     window = np.full((count, WINDOW), np.inf)
@@ -234,7 +250,8 @@ def _first_requests(batch: Batch) -> SegmentRequest:
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
-    """Return a PyTree of indices of cells with `by` added to each index."""
+    """Return a PyTree of indices of cells with `by` added to each index, the place in a column at
+    which the cells begin."""
     return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
@@ -294,7 +311,8 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove and return the numbers of the next lanes to begin, at most `count`."""
+        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
+        numbers."""
         found: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         try:
@@ -306,6 +324,8 @@ class _Shared:
 
     def running(self) -> Running:
         """Return the progress of the batch, with the estimated time left."""
+        # Work is measured in runs: a running lane counts by the part of its time span that it has
+        # covered, and an ended lane counts as 1. The time left is extrapolated from that.
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -361,7 +381,7 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
-        """Empty the buffers of lanes that have paused, and end the lanes that are done."""
+        """Empty the buffers of lanes that wait for the host, and end the lanes that are done."""
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
         ended: list[int] = []
@@ -371,6 +391,7 @@ class _Group:
             self._shared.times[slot.number] = times[column]
             if goes[column]:
                 continue
+            # The lane takes no step: it has ended, or waits with a full buffer.
             self._take_rows(column, slot)
             # A lane at its end may still have times to save at within its last step.
             if not runs[column] and self._next_saves(slot)[0] > times[column]:
@@ -386,6 +407,7 @@ class _Group:
             if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
+        # The request counts from the rows that are recorded next.
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
@@ -393,7 +415,8 @@ class _Group:
                 integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
-        """Return the next `WINDOW` times to save at, s, filled up with infinity."""
+        """Return the next `WINDOW` times at which states of a lane are to be saved, s; infinite
+        where no such time is left."""
         window, batch = np.full(WINDOW, np.inf), self._shared.batch
         if batch.tasks.save_at is not None:
             first = slot.recorded(batch.common.saved)
@@ -403,6 +426,7 @@ class _Group:
 
     def _end(self, columns: list[int]) -> None:
         """Record the results of the lanes in some columns, and mark the columns as empty."""
+        # The compiled function takes the cells of a task, followed by those of a lane's state.
         slots = [slot for column in columns if (slot := self._slots[column])]
         tasks = self._shared.own[[slot.number for slot in slots], : self._programs.task_cells]
         states = self._columns.floats[self._loop.state_cells, columns].T
@@ -415,11 +439,13 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Convert the recorded rows of a log to its reported columns.
+        """Convert the recorded rows of a log of one lane to the columns of the sweep's results.
 
-        **Arguments:** `name`: of the log; `rows`: arrays (n, numbers); `task`: (cells,), the lane.
+        **Arguments:** `name`: name of the log; `rows`: recorded rows, in arrays (n, numbers);
+        `task`: (cells,), data of the lane.
 
-        **Returns:** the columns' cells, (blocks, cells), and the number of rows.
+        **Returns:** the cells of the columns, (blocks, cells) with one row for each block of
+        recorded rows, and the number of recorded rows.
         """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
@@ -469,6 +495,8 @@ def _deliver(
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     """Return lanes that have ended, with their outcomes and logs converted from cells."""
     programs, logs = shared.programs, {}
+    # The blocks of all lanes are converted at once, and then divided again by lane. The last block
+    # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
         found = [record.logs[name] for record in records]
         read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
@@ -493,7 +521,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @Native
 def _begun(common: Common, task: Task) -> Lane:
-    """Return a lane before its first step, with an empty window of times to save at."""
+    """Return a lane before its first step, whose request has no times to save at yet."""
     request = SegmentRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )
@@ -511,26 +539,31 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> Columns:
-    """Return the reported columns of recorded rows of a log.
+    """Return the columns of results for recorded rows of a log, by name, (R,) each.
 
-    **Arguments:** `shared`: data of all lanes, name of the log, and a record of it as an example of
-    its structure; `task`: the lane; `rows`: (R, numbers).
+    **Arguments:** `shared`: data of all lanes, name of the log, and a row of it as an example of
+    the row's structure; `task`: data of the lane; `rows`: (R, numbers), the recorded rows.
     """
     common, name, example = shared
     return common.columns_of(name, example, task, rows)
 
 
 class _Loops:
-    """Cache of the native loops of a process: one for each structure of data, static values too."""
+    """Cache of the native loops that this process has made.
+
+    Batches whose data have the same structure, shapes, types and static values share a loop.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._loops: dict[Hashable, LaneLoop] = {}
 
     def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
-        """Return the loop for lanes with the structure, shapes and types of the arguments."""
+        """Return the loop for lanes with the structure, shapes and types of the arguments. It is
+        compiled unless the cache has it."""
         trees = common, own, lane
         leaves, structure = jax.tree.flatten(trees)
+        # A loop is compiled for shapes and types of arrays, but for values of static leaves.
         key = (
             structure,
             tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),

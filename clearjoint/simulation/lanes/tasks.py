@@ -1,4 +1,4 @@
-"""Data of a batch of lanes: what all lanes share, and what each lane has of its own.
+"""Data of a batch of lanes: those that all lanes share, and those of each lane.
 
 A lane is one run of a sweep. A log is a table that a lane writes: the crossings of a section, the
 impacts of a contact, or the saved states.
@@ -47,14 +47,16 @@ class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
     - `plan`: integration method and outputs.
-    - `folded_scene`: the scene, of which each lane replaces some leaves.
-    - `start_time`: s.
+    - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`. Components
+      that are exactly 0 or 1 in all lanes are marked as constants.
+    - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: for each recorded state of a log, the quantities to report.
+    - `channels[log][name]`: quantities whose values are reported for each recorded state of a log.
     - `saved`: name of the log of saved states.
-    - `tables[name]`: for each table of impacts, the logs of its contacts.
-    - `programs`: digests of the traced programs, if known. A compiled program is reused only for
-      equal digests, so that no program runs that was traced from code that has changed since.
+    - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
+    - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled
+      program is reused only for equal digests, so that no program runs that was traced from code
+      that has changed since.
     """
 
     plan: Plan

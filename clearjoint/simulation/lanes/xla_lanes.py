@@ -21,11 +21,13 @@ from ...native.cells import Cells, Memory, Region
 from ...native.lanes import AbstractLaneLoop
 
 ON_CPU, ON_ACCELERATOR = 64, 4096
-"""Number of lanes that one program computes side by side."""
+"""Number of lanes that one program computes side by side. An accelerator has many more arithmetic
+units to occupy than a core of a CPU."""
 TURNS = 256
 """Largest number of turns after which a loop returns to Python."""
 WAITING = 8
-"""A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python."""
+"""A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python. Returning
+later would leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:
@@ -70,11 +72,14 @@ class XlaLaneLoop(AbstractLaneLoop):
         return Memory(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Memory) -> int:
-        """Take turns until some lanes wait for Python, at most `TURNS`, and return their number.
+        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`.
 
         **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
         updated.
+
+        **Returns:** the number of turns.
         """
+        # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.integers[self.occupied] > 0
@@ -97,12 +102,12 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 class XlaFunction:
     """A function of the data of lanes, compiled by XLA, whose arguments and results are in cells of
-    8 bytes.
+    8 bytes. It computes, for instance, the initial states or the outcomes of several lanes.
 
     **Arguments:** `function`: function (shared, *trees), to be computed for each lane; `shared`:
     data that all lanes share; `examples`: examples of the `trees`, for their structures and shapes.
 
-    `results`: layout of the cells of a result.
+    The attribute `results` is the layout of the cells of a result.
     """
 
     def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
@@ -119,6 +124,8 @@ class XlaFunction:
         """
         found, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
+        # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
+        # results of the repeated ones are dropped.
         for first in range(0, len(rows), width):
             part = rows[first : first + width]
             parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
@@ -129,7 +136,8 @@ class XlaFunction:
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """Return a PyTree with arrays of zeros in place of its leaves of type `ShapeDtypeStruct`."""
+    """Return a PyTree with arrays of zeros in place of its leaves of type
+    `jax.ShapeDtypeStruct`."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )
@@ -142,16 +150,18 @@ def _turns(
     state: PyTree,
     occupied: jax.Array,
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
-    """Take turns of all lanes until some wait for Python.
+    """Take turns of all lanes until one in `WAITING` of them waits for Python, at most `TURNS`.
 
-    **Arguments:** `functions`: those for a turn and for the status of one lane; `shared`: data of
-    all lanes; `own`, `state`: data and states of n lanes, whose leaves have an additional first
-    axis of length n; `occupied`: (n,), whether there is a lane in each column.
+    **Arguments:** `functions`: those for a turn and for the status of one lane, as for
+    `XlaLaneLoop`; `shared`: data of all lanes; `own`, `state`: data and states of n lanes, whose
+    leaves have an additional first axis of length n; `occupied`: (n,), whether there is a lane in
+    each column.
 
     **Returns:** the number of turns, and the states and status of all lanes after them.
     """
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
+    # The loop ends by the number of turns or of waiting lanes; columns without a lane do not count.
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
         waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
         return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())

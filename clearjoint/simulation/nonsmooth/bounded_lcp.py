@@ -158,6 +158,7 @@ class BoxProblem:
         **Arguments:** `start`: velocities without impulses, m/s.
         """
         velocities = self._velocities(x, start)
+        # Rows that are not free become decoupled equations with the solution zero.
         matrix = [
             [*(jnp.where(free[i] & free[j], row[j], 0.0) for j in range(i)), row[i]]
             for i, row in enumerate(self._matrix)
@@ -167,8 +168,8 @@ class BoxProblem:
         )
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return for each row which part, 0 to 1, of the `change` of its impulse x its bounds
-        allow."""
+        """Return for each row the part, 0 to 1, of the `change` of its impulse x that the row's
+        bounds allow."""
         shares: list[Scalar] = []
         for a, d, lower, upper in zip(x, change, self._lower, self._upper, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)

@@ -38,10 +38,12 @@ TOLERANCE = 1e-9
 """The alternation between normal and tangential impulses ends at this relative residual, or after
 `ALTERNATIONS` turns."""
 FAST = 1e3
-"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated."""
+"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated. It is far
+above the speeds below which friction laws are regularised."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
-"""Bounds of the factor by which a change of the tangential impulses is extrapolated."""
+"""Bounds of the factor by which a change of the tangential impulses is extrapolated, against
+factors that are negative or without limit where two changes are nearly equal."""
 
 
 class Alternation(NamedTuple):
@@ -116,7 +118,8 @@ def _touch(
         return Row(0.0, pairs, 0.0)
 
     normal = row(-contact.normal)
-    # A contact that acts as a couple has other wrenches than a force along the normal.
+    # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
+    # force along the normal.
     if contact.turning is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
     size = -contact.gap.depth, contact.gap.clearance
@@ -159,6 +162,8 @@ class ContactProblem:
         contacts: Sequence[Touch],
         t: Scalar,
     ):
+        # Rows are the constraint equations of ideal joints. If they are redundant, the joints' own
+        # impulses are those of least norm, with these weights against a mix of units.
         rows = flattened(system.rows(mechanics.motions, t))
         projected = [mechanics.projected(row.jacobian) for row in rows]
         formulation = system.formulation
@@ -177,6 +182,7 @@ class ContactProblem:
         self.contacts = contacts
         self.rows = [touch.normal for touch in contacts]
         self.rows += [row for touch in contacts for row in touch.slip]
+        # Delassus' matrix is symmetric, so only its lower triangle is computed.
         directions = [mechanics.projected(row.jacobian) for row in self.rows]
         self._responses = [free_response(direction) for direction in directions]
         self._matrix = [
@@ -199,7 +205,8 @@ class ContactProblem:
         return self._with_impulses(rows, rows, velocities, impulses)
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
-        """Return the change of the speeds of the system's coordinates by impulses at the contacts.
+        """Return the change of the speeds of the system's coordinates by impulses at the contacts,
+        including the impulses of ideal joints that follow from them.
 
         **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
         no impulse, so a list of the normal impulses alone is allowed.
@@ -254,6 +261,7 @@ class ContactProblem:
         """
         if not slips:
             return self.normal_impulses(closed, aims)
+        # `owner` is the index of the contact to which each tangential row belongs.
         count, size = self._count, len(self.rows)
         normals, tangents = range(count), range(count, size)
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
@@ -303,11 +311,13 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 
     Aitken's method computes it from the `change` in this turn and from that in the `last` turn, N s
     (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969). Without
-    extrapolation, two bases that both stick and share axial impulses need thousands of turns.
+    extrapolation, two bases (end circles) of a journal that both stick and share axial impulses
+    need thousands of turns.
     """
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
     factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
+    # The first turn has no earlier change to compare with, and two equal changes have no limit.
     usable = (last.turns > 0) & (square > 0.0)
     return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
 

@@ -35,12 +35,13 @@ from ...math.vectors import Condition, EulerParameters, Scalar, add, multiply
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
-"""Largest relative residual with which the contact problem of a step counts as solved."""
+"""Largest relative residual with which the contact problem of a step counts as solved. The methods
+for this problem aim at much smaller residuals; a larger one means that they did not converge."""
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts. `restitution[joint][contact]` is Newton's coefficient of each
-    contact."""
+    """A system with rigid contacts, and `restitution[joint][contact]`, Newton's coefficient of
+    restitution of each contact."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -66,7 +67,8 @@ class StepEnd(eqx.Module):
 
     - `variables`: the variables of the motion at the end of the step.
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
-    - `residual`: largest violation of the contact conditions, over the largest contact velocity.
+    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
+      pulling impulse, Coulomb's law), over the largest contact velocity.
     - `solved`: whether the residual is at most `SOLVED`.
     - `shallow`: whether no penetration exceeds the bearing's clearance.
     """
@@ -81,8 +83,8 @@ class StepEnd(eqx.Module):
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
     """Take one step of length h, s, from the time t, s.
 
-    **Arguments:** `variables`: positions and speeds at t. If a driver or load has a breakpoint at
-    t, it already has the value that holds after the breakpoint.
+    **Arguments:** `variables`: positions and speeds at t. A driver or load that has a breakpoint at
+    t has the value that holds after the breakpoint.
     """
     # Motion without contact, from which the gaps in the middle of the step follow.
     middle_time = t + 0.5 * h
@@ -100,7 +102,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
             shallow=jnp.asarray(True),
         )
     # Each closed contact must open at least with its restitution times the approach velocity. An
-    # aim is the opening velocity without impulses, less this smallest velocity.
+    # aim is the opening velocity without impulses, less this smallest velocity. (`opening` is the
+    # opening velocity before the step, which is negative for an approach.)
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
@@ -110,7 +113,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
     ]
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
-    # The impulses change the speeds; a further push, on the positions alone, ends penetrations.
+    # The impulses change the speeds; a further push, on the positions alone, ends penetrations. A
+    # sink is the velocity towards the wall that forces without contact would add in the step.
     after = problem.velocities_after(unloaded, impulses)
     last = mechanics.after_speed_change(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
@@ -135,6 +139,8 @@ def _smooth_step(
     **Returns:** two sets of variables, both with the positions in the middle of the step: the first
     with the speeds at the start of the step, the second with the speeds at its end.
     """
+    # The predictor has the speeds of the middle, with which forces that depend on speeds have
+    # second order.
     half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
@@ -181,20 +187,23 @@ def _projection(
     """Return speeds that move the positions out of the wall, in addition to the speeds of the
     motion.
 
-    Gaps are linearised in the displacement. Only positions move with these additional speeds.
+    Gaps are linearised in the displacement. Only positions move with these additional speeds: they
+    are no part of the speeds after the step.
 
-    **Arguments:** `closed`: whether each contact is closed; `after`: m/s, opening velocities after
-    the impulses; `sinks`: m/s, velocities towards the wall that the forces add in the step; `h`: s,
-    length of the step.
+    **Arguments:** `problem`: the contact problem of the step; `closed`: whether each contact is
+    closed; `after`: m/s, opening velocities after the impulses; `sinks`: m/s, velocities towards
+    the wall that the forces add in the step; `h`: s, length of the step.
 
     **Returns:** the additional speeds, and the relative residual of the contact problem for them.
     """
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:
+        # Gaps are divided by h, so that they are velocities: `left` in the middle of this step,
+        # `left + velocity / 2` at its end, and `left + 3 / 2 velocity` at the end of the next one.
         # A penetration by half of `sink` times h is left, or rounding would open a contact at rest.
         left = touch.gap / h + 0.5 * sink
-        # Only contacts that stay penetrated in the next step too are pushed.
+        # Only contacts that would be penetrated at the end of the next step too are pushed.
         stays.append(shut & (left + 1.5 * velocity < 0.0))
         ends.append(left + 0.5 * velocity)
     impulses, residual = problem.normal_impulses(stays, ends)
@@ -237,16 +246,16 @@ def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> Motion
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the positions changed by `time` times the `rates`, and with Euler
-    parameters normalised."""
+    """Return variables with the positions changed by `time`, s, times the `rates`, their time
+    derivatives. Euler parameters are normalised, and the speeds stay."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the speeds changed by `time` times the `rates`, and with unchanged
-    positions."""
+    """Return variables with the speeds changed by `time`, s, times the `rates`, their time
+    derivatives. The positions stay."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
@@ -259,7 +268,8 @@ def _mean_speeds(
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
-    """Return start + time * rate for PyTrees of scalars, with Euler parameters normalised."""
+    """Return start + time * rate for PyTrees of scalars; `time` is in s. Euler parameters are
+    normalised."""
 
     def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):

@@ -1,5 +1,5 @@
-"""Coefficients of restitution of rigid contacts: one value for all, or the one that each law
-delivers."""
+"""Coefficients of restitution of rigid contacts: one given value for all contacts, or for each
+contact the value that its law delivers in a free impact."""
 
 from ...fields.checks import require, require_range
 from ...math.vectors import Scalar
@@ -7,8 +7,8 @@ from ...model.scene import Scene
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
-    """Check that every contact has a coefficient of restitution: the given number, or that of its
-    law.
+    """Check that every contact has a coefficient of restitution: the given number or, for ``None``,
+    that of its law.
 
     **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
     without a method `delivered_restitution`.
@@ -31,7 +31,7 @@ def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str
     """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact].
 
     **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
-    that the contact laws deliver.
+    that the contact laws report, from the rebound of a free impact.
     """
     return {
         name: {

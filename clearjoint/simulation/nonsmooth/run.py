@@ -1,6 +1,7 @@
-"""A run with rigid contacts, in equal steps from stop to stop, with totals of each contact.
+"""A run with rigid contacts, with the totals of each contact (such as the sum of its impulses).
 
-The stops of a run are its start, the times to save at, and its end.
+The stops of a run are its start, the times to save at, and its end. Between two stops, or
+breakpoints of drivers and loads, all steps have the same length.
 """
 
 from dataclasses import replace
@@ -31,8 +32,10 @@ from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 
 DRIVER_TOLERANCE = 1e-5
-"""Largest difference between the change of a driver (a prescribed motion) in a step and the
-integral of its rate, relative to its speed."""
+"""Largest difference between the change of a driver's value (a prescribed motion) over a step and
+the integral of its rate, and between the change of its rate and the integral of its second rate.
+Both are relative to the driver's speed in the step. A larger difference means that the driver has a
+kink or jump inside the step, which the step does not follow."""
 
 
 class RigidRun(eqx.Module):
@@ -94,10 +97,13 @@ def run(
 
     **Arguments:**
 
+    - `folded_scene`: the scene, whose exact zeros and ones are compiled as constants.
+    - `formulation`: coordinates, stabilisation and linear solver of the equations of motion.
     - `state`: the initial state, whose vectors are arrays (3,).
     - `stops`: (S,) s, rising: the start, the times to save at, and the end.
     - `longest`: s, length of the longest step.
-    - `restitution`: Newton's coefficient for every contact, or ``None`` for those of the laws.
+    - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
+      the contact laws.
     - `admissible`: whether all numbers are within their ranges; if not, the run ends at once.
       ``None`` if the numbers have been checked.
     """
@@ -112,6 +118,7 @@ def run(
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
         return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
 
+    # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
     end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
     if rows is not None:
         kept = jax.tree.map(lambda leaf: leaf[rows], kept)
@@ -164,7 +171,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
     all in s."""
-    # A factor below 1, or rounding of the span would add a step.
+    # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
 
@@ -179,7 +186,8 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    """Return a run before its first step, at the time t, s, with totals of zero."""
+    """Return a run before its first step, at the time t, s, with the totals of each contact at
+    zero."""
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     nothing = ContactTotals(none, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
@@ -200,6 +208,8 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     If the step fails, the run stays as it was, and gets the result code of the failure.
     """
     end = advance(rigid, now.variables, t, h)
+    # A state that is not finite has its own result code, since the other conditions mean nothing
+    # then. If several of the others fail, the last one below gives the code.
     # A product with zero is zero for finite numbers alone.
     sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
     finite = sum(sums[1:], sums[0]) == 0.0
@@ -232,8 +242,8 @@ def _is_contact(tree: object) -> bool:
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
     """Return the totals of a contact after a step.
 
-    **Arguments:** `totals`: before the step; `step`: the contact in this step; `touched`: whether
-    it had an impulse in the step before.
+    **Arguments:** `totals`: totals before the step; `step`: the contact in this step; `touched`:
+    whether the contact had an impulse in the step before, so that no new impact is counted.
     """
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)

@@ -50,12 +50,12 @@ def simulate_nonsmooth(
     """Simulate a scene with rigid contacts in fixed steps, by the midpoint rule of Moreau and Jean.
 
     A rigid contact has no stiffness, duration or peak force, so that a step may be far longer than
-    a real impact. After an impact, a contact separates with a restitution times its approach speed;
-    by default, the restitution is that which its contact law delivers (the method
-    `delivered_restitution`). It slides by Coulomb's law, with the coefficient of the friction law
-    at high slip. It penetrates by no more than its approach in half a step. The time of an impact
-    is known to half a step, because impacts happen in the middle of a step; therefore all states
-    have an error of order one.
+    a real impact. After an impact, a contact separates at a coefficient of restitution times its
+    approach speed. By default, the coefficient is that of a free impact with its contact law (the
+    method `delivered_restitution` of the law). The contact slides by Coulomb's law, with the
+    coefficient of the friction law at high slip. It penetrates by no more than its approach in half
+    a step. The time of an impact is known to half a step, because impacts happen in the middle of a
+    step; therefore the error of all states is of first order in the length of the step.
 
     A step ends at each breakpoint of a joint or force, a time at which it changes abruptly. Where a
     driver makes velocities jump, the change of the velocities is the one of least kinetic energy,
@@ -75,8 +75,8 @@ def simulate_nonsmooth(
     - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, in place of the
       restitutions that the contact laws deliver.
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
-    - `redundant`: whether constraints depend on each other. By default this is determined from the
-      initial state; under a transformation of JAX the default is ``False``.
+    - `redundant`: whether some constraints depend linearly on others. By default this is determined
+      from the initial state; under a transformation of JAX the default is ``False``.
     - `throw`: if the run fails, raise `SimulationError` instead of returning the failure's code.
 
     **Returns:** a `NonsmoothSolution`.
@@ -110,6 +110,7 @@ def simulate_nonsmooth(
 
     # Known numbers are checked now. Checks of traced numbers become a condition of the program.
     admissible = in_domain(check)
+    # The following need values of numbers, which traced numbers lack.
     if not traced:
         shortest = (float(end_time) - float(start_time)) / MOST_STEPS
         require(
@@ -155,6 +156,8 @@ def _solution(
     """
     saved, history, count = None, None, None
     if saves:
+        # The last stop is the end of the run. Rigid contacts have no entry speeds, but a saved
+        # state lists one for each contact, so they are zero.
         rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
         history, count = rows.totals, (run.stops.result == RESULTS.successful)[:-1].sum()
         entry_speeds = jax.tree.map(
@@ -177,10 +180,11 @@ def _solution(
 
 
 def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    """Return a solution unchanged, after warnings and errors that it gives rise to.
+    """Return a solution unchanged, after a check of how its run ended.
 
-    **Warns:** of journals that have left their bearings. **Raises:** `SimulationError` if the run
-    failed and `throw` is set.
+    A warning is issued for each journal that has left its bearing.
+
+    **Raises:** `SimulationError` if the run failed and `throw` is set.
     """
     saved = solution.saved
     rows = [] if saved is None else [(saved.times, saved.states)]

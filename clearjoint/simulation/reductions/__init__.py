@@ -1,1 +1,1 @@
-"""Reductions: results, such as a peak force, that are updated at every accepted step of a run."""
+"""Reductions: results of a run, such as a peak force, that are updated at every accepted step."""

@@ -2,7 +2,7 @@
 
 A reduction carries a tally, a PyTree of arrays of fixed shape, from step to step, so that memory
 does not grow with the number of steps. Subclass `AbstractReduction` for reductions of your own. A
-windowed reduction counts only a window, a part of the run's time.
+windowed reduction takes only a part of the run's time, the window, into account.
 """
 
 import abc
@@ -29,10 +29,11 @@ Instants: TypeAlias = Annotated[float | None, "s"]
 class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
-    A subclass defines `start`, `update`, `results` and `units`, which JAX traces. If it reads the
-    integrals `Instant.work` of the energy ledger, it sets `needs_ledger = True`. The example adds
-    up the time in s during which a contact force exceeds a limit. Its tally is the pair of the
-    latest time and the sum:
+    A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
+    If it reads `Instant.work`, the integrals of the energy ledger (energies dissipated and supplied
+    since the start of the run), it sets `needs_ledger = True`. The example adds up the time in s
+    during which a contact force exceeds a limit. Its tally is the pair of the latest time and the
+    sum:
 
     ```python
     import clearjoint as cj
@@ -126,6 +127,8 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
 def optional_time(value: Instants) -> Instants:
     """Convert a time, s, to a Python float, and return ``None`` unchanged.
 
+    It converts the arguments `after` and `until` of windows.
+
     **Raises:** `ValueError` if `value` is not a single number, or NaN.
     """
     if value is None:
@@ -176,8 +179,8 @@ class Window(eqx.Module):
 
         **Arguments:** `begin`, `end`: start and end of the step, s.
 
-        **Returns:** the fractions where the part begins and ends, equal if no part is in the
-        window.
+        **Returns:** the fractions of the step's time at which this part begins and ends. They are
+        equal if no part of the step is in the window.
         """
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length

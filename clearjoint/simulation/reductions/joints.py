@@ -21,11 +21,12 @@ LOSSES = ("normal damping", "friction", "film")
 
 
 class CountTally(NamedTuple):
-    """Tally of `ImpactCount` after an accepted step.
+    """Tally of `ImpactCount`, the data that it carries from step to step.
 
     - `count`: number of onsets so far.
-    - `touching`: whether each contact of the joint touches, by its label.
-    - `time`: s, the end of the step; ``None`` if the window is the whole run.
+    - `touching`: whether each contact of the joint touches at the end of the latest step, by its
+      label.
+    - `time`: s, the end of the latest step; ``None`` if the window is the whole run.
     """
 
     count: Scalar
@@ -36,7 +37,8 @@ class CountTally(NamedTuple):
 class ImpactCount(AbstractWindowedReduction):
     """Number of impacts of a joint: the onsets of all of its contacts together.
 
-    A contact that exists at the start of the run does not count.
+    A contact that exists at the start of the run does not count. An onset is found from the
+    contacts at both ends of a step.
 
     **Arguments:**
 
@@ -68,8 +70,8 @@ class ImpactCount(AbstractWindowedReduction):
         return CountTally(jnp.zeros(()), self._touching(now), time)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
-        """Return the tally after a step, with one added for each contact that began in the step and
-        in the window."""
+        """Return the tally after a step. The count grows by one for each contact that began in the
+        step and in the window."""
         count, after = tally.count, self._touching(now)
         for label, touches in after.items():
             begins = touches & ~tally.touching[label]
@@ -98,11 +100,12 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses after an accepted step.
+    """Tally of a reduction of losses, the data that it carries from step to step.
 
-    - `begin`, `time`: s, the start of the run, and the end of the step.
-    - `at_begin`, `at_end`: J, energy dissipated from the start of the run up to the start and up to
-      the end of the window; as long as the run has not reached them, up to `time`.
+    - `begin`, `time`: s, the start of the run, and the end of the latest step.
+    - `at_begin`: J, energy dissipated from the start of the run up to the start of the window, or
+      up to `time` as long as the run has not reached the window.
+    - `at_end`: J, the same for the end of the window.
     """
 
     begin: Scalar
@@ -112,17 +115,23 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window of time."""
+    """Base class of reductions of the energy that joints dissipate in a window of time.
+
+    The energy is taken from the ledger, the integrals of powers that the solver computes with
+    `Settings(ledger=True)`.
+    """
 
     needs_ledger = True
 
     def start(self, now: Instant) -> LossTally:
-        """Return the tally at the start of the run."""
+        """Return the tally at the start of the run, with the energy that counts as dissipated then:
+        zero less the energy in bristles."""
         lost = _lost(now)
         return LossTally(now.time, now.time, lost, lost)
 
     def update(self, tally: LossTally, now: Instant) -> LossTally:
-        """Return the tally after the step that ends at `now`."""
+        """Return the tally after the step that ends at `now`, with the energies up to the edges of
+        the window updated."""
         lost, window = _lost(now), self._window()
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
@@ -139,8 +148,9 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
 
 class DissipatedEnergy(AbstractLossReduction):
-    """Energy, J, dissipated in joints by normal damping, friction and films; needs
-    `Settings(ledger=True)`.
+    """Energy, J, dissipated in joints by normal damping, friction and films.
+
+    It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The result is
     NaN if the run ended before the window.
@@ -176,8 +186,9 @@ class DissipatedEnergy(AbstractLossReduction):
 
 
 class MeanPowerLost(AbstractLossReduction):
-    """Mean power, W, lost in joints to normal damping, friction and films; needs
-    `Settings(ledger=True)`.
+    """Mean power, W, lost in joints to normal damping, friction and films.
+
+    It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
     **Arguments:** `after`, `until`: s, the window of time of the mean, by default the whole run. If
     the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
@@ -216,9 +227,9 @@ def _lost(now: Instant) -> Scalar:
 
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
-"""Tally of `ArchardWear`: the time at the end of the step, s; the rates of wear then, m^3/s; and
-the worn volumes so far, m^3. Rates and volumes are dictionaries by base ("V", "W") of lists by
-sector."""
+"""Tally of `ArchardWear`, the data that it carries from step to step: the time at the end of the
+latest step, s; the rates of wear at that time, m^3/s; and the worn volumes so far, m^3. Rates and
+volumes are dictionaries by base ("V", "W") of lists by sector."""
 
 
 class ArchardWear(AbstractWindowedReduction):
@@ -247,7 +258,7 @@ class ArchardWear(AbstractWindowedReduction):
     **Raises:** `ValueError` for a number outside of its range, and for a window that does not end
     after its start.
 
-    **Source:** J. F. Archard 1953.
+    **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
     >>> wear = cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)
     >>> list(wear.units())[:4]
@@ -274,13 +285,17 @@ class ArchardWear(AbstractWindowedReduction):
         require_known("joint", self.joint, journals)
 
     def start(self, now: Instant) -> WearTally:
-        """Return the tally at the start of the run, with volumes of zero."""
+        """Return the tally at the start of the run: its time, the rates of wear then, and worn
+        volumes of zero."""
         none: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
         return now.time, self._rates(now), none
 
     def update(self, tally: WearTally, now: Instant) -> WearTally:
-        """Return the tally after a step, with the volumes added that wear in the part of the step
-        that is in the window."""
+        """Return the tally after a step. The volumes worn in the part of the step that is in the
+        window are added."""
+        # Without a window, the rates at the start of the step are those at the end of the step
+        # before. If the window covers a part of the step only, the rates at both ends of this part
+        # come from the dense output.
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(), now.time - before, now.middle
@@ -302,8 +317,8 @@ class ArchardWear(AbstractWindowedReduction):
         return now.time, latest, worn
 
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
-        """Return the worn volumes, m^3, by name of the result; NaN if the run ended before the
-        window."""
+        """Return the worn volumes, m^3, by name of the result, such as "", "V" and "V 1"; NaN if
+        the run ended before the window."""
         _, _, volumes = tally
         of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
         of_sectors = {
@@ -330,8 +345,11 @@ class ArchardWear(AbstractWindowedReduction):
         return {base: self._rates_at(now, base) for base in BASES}
 
     def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
-        """Return the rate of wear of each sector of one base at an instant, m^3/s. Only the sector
-        that the contact is in wears."""
+        """Return the rate of wear of each sector of one base at an instant, m^3/s.
+
+        Only one sector wears: the one in the direction from the bearing's axis to the base's
+        centre, in which the base touches the wall.
+        """
         joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
         assert isinstance(joint, HasJournal)
         speed = sliding_speed(now, self.joint, base)

@@ -1,4 +1,8 @@
-"""Reductions of a quantity, such as a contact force: its peak, its statistics, its quantiles."""
+"""Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
+its quantiles over time. They are updated at every accepted step of a run.
+
+A tally is the data that a reduction carries from step to step.
+"""
 
 import math
 from typing import NamedTuple, TypeAlias
@@ -25,7 +29,7 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     """Base class of reductions of one quantity over a window of time.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
-    `after`, `until`: s, the window.
+    `after`, `until`: s, start and end of the window, by default those of the run.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -41,9 +45,9 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 class PeakTally(NamedTuple):
     """Tally of `Peak` after an accepted step.
 
-    - `highest`, `time`: the highest value so far, and its time, s.
-    - `last`, `now`: the value at the end of the step, and the time of that instant, s.
-    - `last_before`, `before`: the same at the start of the step.
+    - `highest`, `time`: the highest value in the window so far, and the time there, s.
+    - `last`, `now`: the value at the end of the step, and the time there, s.
+    - `last_before`, `before`: the value at the start of the step, and the time there, s.
     """
 
     highest: Scalar
@@ -92,20 +96,22 @@ class Peak(AbstractQuantityReduction):
         return PeakTally(highest, now.time, value, now.time, value, now.time)
 
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """Return the tally after a step, with the largest value in the part of the step that is in
-        the window."""
+        """Return the tally after a step. The highest value is updated by the largest value in the
+        part of the step that is in the window."""
         # The search also uses the value at the start of the previous step: a parabola through it
         # and both ends of this step gives the first guess of the peak.
         length = now.time - tally.now
         earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
         before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
         end = Point(1.0, self._value(now))
+        # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window()
         if not window.is_whole:
             a, b = window.fractions(tally.now, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
+        # Positions are fractions of the step, so the value before this step has a negative one.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
         time = tally.now + peak.x * length
         rises = peak.value > tally.highest
@@ -161,14 +167,18 @@ class Statistics(AbstractQuantityReduction):
     """
 
     def start(self, now: Instant) -> StatisticsTally:
-        """Return the tally at the start of the run: integrals of zero and infinite extremes, since
-        the first step includes its start."""
+        """Return the tally at the start of the run, with integrals of zero.
+
+        The smallest value is infinite and the largest minus infinite, so that the first step, which
+        includes its start, sets both.
+        """
         value = self._value(now)
         zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
         return (now.time, value), (zero, zero, zero), (infinite, -infinite)
 
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """Return the tally after a step, with the part of the step that is in the window added."""
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        integrals, and compared with the extremes."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, self._value(now)
         arc = Parabola.through(u, self._value(now.middle), v)
@@ -190,8 +200,8 @@ class Statistics(AbstractQuantityReduction):
         return (t1, v), sums, (smallest, largest)
 
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
-        """Return "mean", "rms", "smallest" and "largest"; NaN if the run ended before the
-        window."""
+        """Return "mean", "rms", "smallest" and "largest" over the part of the window that the run
+        reached; NaN if the run ended before the window."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -264,12 +274,14 @@ class Quantiles(AbstractQuantityReduction):
         return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
 
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
-        """Return the tally after a step, with the part of the step that is in the window added."""
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        durations."""
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
         a, b = self._window().fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)
+        # `part_below` returns which fraction of the step is between a and b and below each edge.
         added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
         return (now.time, end), duration + inside * (b - a), below + added
 

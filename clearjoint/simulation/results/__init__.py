@@ -1,1 +1,2 @@
-"""Results of a run: solutions, the table of impacts, and observations derived from them."""
+"""Results of a run: its solution, its table of impacts, and observations computed from a
+solution."""

@@ -23,7 +23,8 @@ LARGEST_ROTATION = 0.05
 """Largest rotation of a body within one part of a step, rad. The chord of an arc of this angle is
 nowhere farther from the arc than 3e-4 of its radius."""
 MOST = 64
-"""Largest number of parts into which a step is divided."""
+"""Largest number of parts into which a step is divided, so that a body that spins fast in a long
+step does not make the result arbitrarily long."""
 
 Times = Float[np.ndarray, " N"]
 Wanted = Float[np.ndarray, " M"]
@@ -38,6 +39,8 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     body moves along a curve or rotates.
 
     **Arguments:** `times`: (N,) s, the ends of the steps; `states`: the N states at these times.
+
+    **Returns:** (M,) s, rising.
     """
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
@@ -46,11 +49,14 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     for body in states.bodies.values():
         change = np.linalg.norm(np.diff(body.velocity, axis=0), axis=1)
         bend = np.maximum(bend, lengths * change)
+        # The angle by which the body rotates in the step, rad, at the spin of the step's start.
         rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
+    # If all bodies move along straight lines, the tiny number avoids a division by zero.
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
     # n parts reduce the distance from the chord by n^2, so the number of parts grows with its root.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
+    # `part` counts the parts of each step from 0, in one array for all steps.
     part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     inside = np.repeat(times[:-1], parts) + part / np.repeat(parts, parts) * np.repeat(
         lengths, parts
@@ -62,17 +68,18 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     """Interpolate the states at M times `wanted` from those at the ends of the steps.
 
     Motions of bodies are interpolated by cubic Hermite polynomials. Deflections of bristles and
-    integrals of the energy ledger are interpolated linearly. Entry speeds of contacts keep their
-    values at the start of the step.
+    integrals of the energy ledger (energies dissipated and supplied) are interpolated linearly.
+    Entry speeds of contacts keep their values at the start of the step up to its end.
 
     **Arguments:** `times`: (N,) s, rising, N ≥ 2, the ends of the steps; `states`: the N states at
     these times; `wanted`: (M,) s, between the first and the last of `times`.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
-    **Raises:** `ValueError` for times outside this range.
+    **Raises:** `ValueError` for times outside this range, or times that decrease.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
+    # Of several rows with the same time, the last one counts.
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
     h = (times[left + 1] - times[left])[:, None]
     x = (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0)

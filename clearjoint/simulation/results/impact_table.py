@@ -87,6 +87,7 @@ class Impacts(AbstractTabular):
 
         A tuple has one value for each field of `Impacts`, in the order of the fields.
         """
+        # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
         text, numbers = columns[:2], columns[2:]
@@ -117,6 +118,9 @@ class Impacts(AbstractTabular):
 
 def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     """Report contacts that were deeper than the range of validity of their contact law.
+
+    Beyond its range, a law's forces are not reliable. Call this function after a run that recorded
+    its impacts.
 
     **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RIGID = "rigid_contact"
+"""Name of the dimension along which rigid contacts are listed."""
 TOTAL_UNITS = {
     "impacts": "1",
     "impulse": "N s",
@@ -62,7 +63,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
     - `time`, `final`: the time in s at which the run ended, and the `State` at that time.
-    - `result`: the `RESULTS` code.
+    - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
@@ -73,12 +74,14 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
       pulling impulse, Coulomb's law) in a step, relative to the largest contact velocity of that
       step.
-    - `formulation`: coordinates and other choices of the equations of motion.
-    - `redundant_constraints`: names of constraint equations that depend linearly on others.
+    - `formulation`: the formulation of the equations of motion: their coordinates, and how
+      constraints are kept satisfied.
+    - `redundant_constraints`: names of constraint equations that depend linearly on others. If
+      there are any, the reactions are not unique.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the history.
     `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes are then
-    meaningless.
+    meaningless, because rigid contacts have impulses instead of forces.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -99,8 +102,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return text with the result, the number of steps, the impacts of each joint, and the
-        final state of the bodies."""
+        """Return text with the result code, the number of steps, the impacts of each contact, and
+        the final state of the bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]
@@ -136,5 +139,6 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
             "time_reached": float(self.time),
             "steps": int(self.steps),
         }
+        # Rows after the last reached time repeat the last state, and are left out.
         reached = len(found["time"]) if self.saved_count is None else int(self.saved_count)
         return found.isel(time=slice(reached)).assign_attrs(notes)

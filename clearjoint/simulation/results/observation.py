@@ -71,8 +71,9 @@ class ContactObservation(eqx.Module):
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11);
-      ``None`` for contacts that are not bases of a journal.
+    - `eccentricity`: (N,) m, penetration plus clearance, which for a circular wall and journal is
+      the distance of the base's centre from the bearing's axis (eq. 11); ``None`` for contacts that
+      are not bases of a journal.
     - `offset`: (N, 3) m, the base's centre in the frame of the bearing: two components across the
       bearing's axis, then the one along it; ``None`` for contacts that are not bases.
     - `normal_force`: (N,) N, magnitude.
@@ -124,7 +125,7 @@ class Observation(eqx.Module, AbstractTabular):
     - `times`: (N,) s.
     - `contacts[joint][contact]`: a `ContactObservation`.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `Load` of an ideal joint on a body (eq. 31).
+    - `reactions[joint][body]`: the `Load` of an ideal joint on a body (Flores et al. 2006, eq. 31).
     - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
       redundant; those of least norm are then given.
     - `accelerations[body]`: an `AccelerationSeries`.
@@ -132,9 +133,10 @@ class Observation(eqx.Module, AbstractTabular):
       zero for an exact solution; in m, or without unit for equations between directions.
     - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
-      where the scene has them, and "mechanical" is their sum. If the run kept the energy ledger,
-      there are also its integrals since the start: the dissipated energies "normal damping",
-      "friction", "film" and "stabilisation", and the energy "supplied" by drives and loads.
+      where the scene has them, and "mechanical" is their sum. If the run integrated the energy
+      ledger (`Settings(ledger=True)`), there are also its integrals since the start: the dissipated
+      energies "normal damping", "friction", "film" and "stabilisation", and the energy "supplied"
+      by drives and loads.
       "friction" does not contain the energy stored in bristles.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
@@ -157,7 +159,8 @@ class Observation(eqx.Module, AbstractTabular):
     reactions_unique: bool = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return text: the number of times, the first and last time, and the names of elements."""
+        """Return text with the number of times, the first and the last time, and the names of
+        joints, bodies and energies."""
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -182,6 +185,7 @@ class Observation(eqx.Module, AbstractTabular):
 
         See `AbstractTabular` for the export to other formats.
         """
+        # Dictionaries of joints and contacts, or joints and bodies, become one dimension of labels.
         contacts = by_contact(self.contacts)
         reactions = {
             f"{joint} on {body}": load
@@ -266,7 +270,8 @@ def _vectors(
     parts: Mapping[str, tuple[str, str, str]],
     attributes: Mapping[str, object],
 ) -> dict[str, Labelled]:
-    """Return the vectors of several elements as variables (N, elements, 3), by name of variable.
+    """Return the vectors of several elements as variables (N, elements, 3), by name of variable; an
+    empty dictionary if there are no elements.
 
     **Arguments:** `elements`: series at N times by label of the element; `dim`: name of the second
     dimension; `parts`: field, unit and description of each variable, by its name; `attributes`:
@@ -285,7 +290,8 @@ def _vectors(
 def _numbers(
     name: str, dim: str, rows: Mapping[str, Numbers], unit: str, text: str
 ) -> dict[str, Labelled]:
-    """Return one variable (N, rows) made of series (N,), by its name; nothing without series.
+    """Return one variable (N, rows) made of series (N,), by its name; an empty dictionary if there
+    are no series.
 
     **Arguments:** `name`, `unit`, `text`: name, unit and description of the variable; `dim`: name
     of the second dimension; `rows`: the series by label.

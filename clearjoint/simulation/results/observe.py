@@ -38,6 +38,9 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
+    Drift is the violation of the constraint equations. Saved states contain positions and
+    velocities, from which this function computes the other results.
+
     The equations of motion are solved again at each state, always in absolute coordinates. There
     every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
     if the run used coordinates that need no equations for this joint. Therefore the reactions of
@@ -91,7 +94,10 @@ def observe(
 
 def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
     """Return the formulation of the equations of motion that a solution was computed with, but in
-    absolute coordinates and without an energy ledger."""
+    absolute coordinates and without an energy ledger.
+
+    In absolute coordinates every ideal joint has constraint equations, and thus reactions.
+    """
     used = solution.formulation
     return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
 
@@ -129,16 +135,17 @@ def observe_compiled(
 ) -> Observation:
     """Return the observation at given times and states, without the integrals of the energy ledger.
 
-    **Arguments:** `folded_scene`: the scene; `absolute`: the formulation in absolute coordinates;
-    `unique`: the value of `Observation.reactions_unique`; `times`: (N,) s; `states`: the states,
-    with vectors as arrays (N, 3).
+    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
+    `absolute`: the formulation in absolute coordinates; `unique`: the value of
+    `Observation.reactions_unique`; `times`: (N,) s; `states`: the N states, with vectors as arrays
+    (N, 3).
     """
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
         """Return the observation at one time t, s; its arrays have no axis of times."""
-        # Keeps the deflections of the state; contacts without one get zero.
+        # The deflections of bristles are those of the state, and zero for contacts without any.
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
         dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
@@ -146,6 +153,7 @@ def observe_compiled(
         energies = mechanical_energy(scene, motions, t)
         if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
             energies["bristles"] = elastic
+        # The sum is taken before the integrals of the ledger are added, in `observe`.
         energies["mechanical"] = sum(energies.values())
         drift, drift_rate = _drift(dynamics)
         accelerations = {
@@ -169,7 +177,10 @@ def observe_compiled(
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
-    """Return all contacts at one instant, by joint and label, for solved equations of motion."""
+    """Return all contacts at one instant, by joint and label.
+
+    **Arguments:** `dynamics`: the solved equations of motion, with the forces of all contacts.
+    """
     observations: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
         joint = scene.contact_joints()[name]
@@ -178,6 +189,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         for label, force in family.items():
             contact = force.contact
             eccentricity = offset = None
+            # For circular surfaces, a base penetrates by its eccentricity less the clearance.
             if isinstance(joint, HasJournal) and label in BASES:
                 eccentricity = contact.gap.depth + joint.clearance
                 offset = pack(joint.journal_offset(dynamics.motions, label))
@@ -202,8 +214,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
         if isinstance(joint, HasJournal):
             v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
             touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
-            # If the normals have about the same direction, the journal lies on the wall along a
-            # line.
+            # If the normals at both bases point to the same side, the journal lies along a line of
+            # the wall; otherwise it is tilted from one side to the other.
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
@@ -238,7 +250,7 @@ def _array(vector: Vector) -> Vectors:
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """Return the largest magnitude of the values of each joint's constraint equations, and of their
-    time derivatives, by joint."""
+    time derivatives, by joint. Both are zero for an exact solution."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))

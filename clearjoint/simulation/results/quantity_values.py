@@ -28,8 +28,9 @@ def values_along(
 ) -> np.ndarray:
     """Return the values of a quantity at the N states of a trajectory, (N,), in its unit.
 
-    **Arguments:** `scene`, `solution`: the scene that was simulated, and its solution; `quantity`:
-    a scalar function of an `Instant`; `trajectory`: N times and states of the solution.
+    **Arguments:** `scene`: the scene that was simulated; `solution`: its solution, of which only
+    the formulation is used; `quantity`: a scalar function of an `Instant`; `trajectory`: N times
+    and states, such as `solution.saved` or `solution.steps`.
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
@@ -57,7 +58,11 @@ def _along(
     quantity: Quantity,
     trajectory: Trajectory,
 ) -> np.ndarray:
-    """Return the results of `program`, one of the compiled functions below, at all states, (N,)."""
+    """Return the results of a compiled program at the N states of a trajectory, (N,).
+
+    **Arguments:** `program`: `values_compiled` or `rates_compiled`; the others are those of
+    `values_along`.
+    """
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity
     rows = np.asarray(trajectory.times), trajectory.states
@@ -74,7 +79,8 @@ def values_compiled(
 ) -> Numbers:
     """Return the values of a quantity, (N,), at times, (N,) s, and N states.
 
-    The states have vectors as arrays (N, 3); `absolute` is a formulation in absolute coordinates.
+    The states have vectors as arrays (N, 3); `absolute` is a formulation in absolute coordinates,
+    and `folded_scene` the scene, whose exact zeros and ones are compiled as constants.
     """
     system = System(unpack(folded_scene), absolute)
 
@@ -100,9 +106,12 @@ def rates_compiled(
         variables = system.encode(unpack(state.bodies))
         bristles = initial_bristles(system.scene, unpack(state.bristles))
         rates, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
+        # `jax.jvp` demands floats, but components may be Python numbers.
         t, variables, rates = jax.tree.map(
             lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
         )
+        # The direction of the derivative is that of the motion: time advances at the rate 1, and
+        # the variables at their `rates`.
         along = jnp.ones(()), rates
         point = t, variables
         return jax.jvp(lambda t, y: _value(system, quantity, t, y, state), point, along)[1]

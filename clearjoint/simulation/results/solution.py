@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TIME = "time"
-"""Name of the column with the times of crossings. No channel may have this name."""
+"""Name of the column with the times of crossings. No channel (a recorded quantity of a section) may
+have this name."""
 SHOWN_BODIES = 6
 """Largest number of bodies whose final position and velocity `repr(solution)` shows."""
 SUCCESSFUL = result_number(RESULTS.successful)
@@ -97,7 +98,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
           dimensions "time", "body" and "component" ("x", "y", "z").
         - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
         - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
-          and `ledger` in J along "integral" exist only if the states have them.
+          and `ledger` in J along "integral" exist only if the states have them. The ledger has the
+          energies dissipated and supplied since the start of the run.
 
         See `AbstractTabular` for the export to other formats.
         """
@@ -109,9 +111,12 @@ class Trajectory(AbstractReadable, AbstractTabular):
 class Crossings(AbstractReadable, AbstractTabular):
     """The N crossings of a Poincaré section in a run.
 
+    A channel is a quantity, such as a speed, that the section records at each crossing under a
+    name.
+
     - `times`: (N,) s, times of the crossings.
-    - `values`: by name of a channel, (N,) values of its quantity at the crossings.
-    - `units`: by name of a channel, the unit of its values.
+    - `values`: by name of the channel, the values of its quantity at the crossings, (N,).
+    - `units`: by name of the channel, the unit of its values.
 
     >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period
@@ -156,7 +161,8 @@ class Solution(AbstractReadable, AbstractTabular):
     - `sections[name]`: the `Crossings` of each requested Poincaré section.
     - `outputs[name]`: the result of each requested reduction, a number. A reduction with several
       results has further entries "name_part", such as "force_time" of a `Peak` named "force".
-    - `formulation`: coordinates, stabilisation and ledger of the equations of motion.
+    - `formulation`: the formulation of the equations of motion: their coordinates, how constraints
+      are kept satisfied, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique, and those of least norm are computed.
     - `settings`: the settings of the run, as pairs of a name and a text or number.
@@ -185,8 +191,8 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """Return text with the result, the numbers of steps and saved states, and the final state
-        of the bodies."""
+        """Return text with the result code, the numbers of steps and saved states, and the final
+        state of the bodies."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]
@@ -238,6 +244,8 @@ class Solution(AbstractReadable, AbstractTabular):
         """
         require(self.saved is not None, "solution", "without saved states", "with some", SAVE_TIMES)
         assert self.saved is not None
+        # The final state has no dimension of time, so it gets variables of its own, which `merge`
+        # adds to those of the saved states.
         found = self.saved.to_xarray()
         final = state_arrays(self.final, (), "final_")
         reached = labelled_dataset("state reached", final, state_labels(self.final))
@@ -273,11 +281,10 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether the leaves of a PyTree have no single known values, so that text cannot show
-    them.
+    """Return whether the leaves of a PyTree have no single known values that text could show.
 
-    This is so while JAX traces them, and after `jax.vmap`, when the tree's field `time` is an
-    array.
+    That is the case while JAX traces them, and for several results at once from `jax.vmap`, which
+    are recognised by an array in the field `time` of the tree.
     """
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))

@@ -35,7 +35,7 @@ def contact_label(joint: str, contact: str) -> str:
 
 
 def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
-    """Return the entries tables[joint][contact] by the label of the contact."""
+    """Return the entries tables[joint][contact] in one dictionary by `contact_label`."""
     return {
         contact_label(joint, contact): entry
         for joint, entries in tables.items()
@@ -46,8 +46,10 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
     """Return states as arrays with dimensions and units, by name of variable.
 
-    The variables are "position", "orientation", "velocity" and "spin", and if the states have them
-    "entry_speed", "bristle_deflection" and "ledger".
+    The variables are "position" in m, "orientation" (Euler parameters), "velocity" in m/s and
+    "spin" in rad/s of the bodies. If the states have them, there are also "entry_speed" in m/s and
+    "bristle_deflection" in m of the contacts, and "ledger" in J, the integrals of the energy
+    ledger.
 
     **Arguments:** `states`: one state, or a state whose arrays have additional first dimensions;
     `rows`: names of these dimensions, such as ("time",), empty for one state; `prefix`: text in
@@ -55,6 +57,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
     **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
     """
+    # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
+    # components of vectors.
     arrays = {}
     for part, (dim, unit) in STATE_PARTS.items():
         values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]

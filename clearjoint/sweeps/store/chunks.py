@@ -1,4 +1,4 @@
-"""Files of Zarr arrays, one for each chunk of lanes, with checksums.
+"""Files of a store's Zarr arrays, one for each chunk of lanes and each array, with checksums.
 
 A file ends with a checksum of its content and of its path in the store. So damaged files and files
 that were exchanged are detected, and don't affect the others.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from zarr.storage import LocalStore
 
 MISSING, DAMAGED = "missing", "damaged"
-"""Faults of the file of a chunk."""
+"""Faults that the file of a chunk may have. A file is damaged if its checksum does not agree."""
 _LOCK = ".lock"
 """File in a store's folder by which processes lock the folder."""
 
@@ -78,7 +78,7 @@ def _is_metadata(key: str) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes within the context.
+    """Lock a folder against other processes within the context, in which the store is changed.
 
     The lock of a process that dies is released. If the system has no locks, or the folder can't be
     written to, processes don't wait for each other.
@@ -117,13 +117,14 @@ def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group.
+    """Read an array of a group as far as its files are intact.
 
-    **Arguments:** `path`: folder of the group.
+    **Arguments:** `path`: folder of the group; `array`: the opened array.
 
     **Returns:** the values, and for each faulty file the fault, `MISSING` or `DAMAGED`, by number
     of its chunk. The values of these chunks are the fill value.
     """
+    # Zarr returns fill values for a chunk whose file is missing, so missing files are looked for.
     count = -(-array.shape[0] // array.chunks[0])
     faults = {k: MISSING for k in range(count) if not chunk_file(path, array, k).exists()}
     try:

@@ -1,4 +1,4 @@
-"""Messages on the differences between a stored sweep and the sweep that is requested."""
+"""Messages about the differences between a stored sweep and the sweep that is requested."""
 
 from collections.abc import Iterator, Mapping
 from os.path import commonprefix
@@ -22,8 +22,11 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     Differences between notes are listed only if there are other differences, which they may
     explain.
 
-    **Arguments:** `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if
-    the wanted sweep lacks the row's lane.
+    **Arguments:** `stored`, `wanted`: contents of the store, and of a store of the wanted sweep;
+    `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if the wanted
+    sweep lacks the row's lane.
+
+    **Returns:** the lines; an empty list if the store can take the wanted sweep.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -42,7 +45,8 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
-    """Return the settings of a sweep by the names that messages show."""
+    """Return the settings of a sweep, and the size of its chunks, by the names that messages
+    show."""
     settings: dict[str, Part] = {f"setting {name}": text for name, text in layout.settings.items()}
     return {"lanes in a chunk": layout.chunk, **settings}
 
@@ -56,7 +60,8 @@ def _parts(layout: Layout) -> dict[str, Part]:
 
 
 def _outline(variable: Variable) -> str:
-    """Return the dtype, dimensions and attributes of a variable as text."""
+    """Return the dtype, dimensions and attributes of a variable as text, such as "float64 (lane,
+    body 2), long_name ..., units m"."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
@@ -72,7 +77,8 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """Return the end of a line: how the stored part differs from the wanted one."""
+    """Return the end of a line, which says how the stored part differs from the wanted one.
+    ``None`` stands for a part that is absent."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -84,14 +90,15 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
         )
     start = 0
     if isinstance(stored, str) and isinstance(wanted, str):
-        # Without the beginning, if the first difference would not be shown otherwise.
+        # If the first difference would not be shown otherwise, the text begins shortly before it.
         same = len(commonprefix((stored, wanted)))
         start = max(same - _SHOWN // 4, 0) if same >= _SHOWN // 2 else 0
     return f"stored {_shown(stored, start)}, now {_shown(wanted, start)}"
 
 
 def _shown(value: object, start: int = 0) -> str:
-    """Return a value as text from the character `start` on, of at most `_SHOWN` characters."""
+    """Return a text that shows a value: at most `_SHOWN` characters from the character `start` on,
+    with "…" in place of omitted characters."""
     if value is None:
         return "nothing"
     text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
@@ -101,7 +108,11 @@ def _shown(value: object, start: int = 0) -> str:
 
 
 def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for stored values of axes, and for stored lanes, that the wanted sweep lacks."""
+    """Yield a line for each axis with stored values that the wanted sweep lacks, and a line if it
+    lacks stored lanes.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
     values = {axis.name: axis.values for axis in wanted.axes}
     for name, old, _ in stored.axes:
         gone = old[~np.isin(old, values.get(name, old))]
@@ -120,9 +131,10 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """Yield a line for each program of both sweeps whose digests differ.
+    """Yield a line for each traced program that both sweeps have, but with different digests.
 
-    **Arguments:** `without_run`: whether to leave out the program of the run.
+    **Arguments:** `without_run`: whether to leave out the program of the run, and thus to compare
+    only those of the variables.
     """
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
@@ -132,11 +144,12 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each output whose save times differ in any lane that both sweeps have.
+    """Yield a line for each output whose times to save at differ in any lane that both sweeps have.
 
     **Arguments:** `kept`: as in `differences`.
     """
     old, new = stored.identity.lanes, wanted.identity.lanes
+    # `kept` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
         others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
         if others:

@@ -1,11 +1,12 @@
-"""Fingerprint of a function: a digest of the program that JAX traces from the function.
+"""Fingerprint of a function: a digest of the program (the jaxpr) that JAX traces from the function.
 
-The digest of a value combines the operation that computes the value, the operation's parameters and
-the digests of its operands. The digest of a constant is that of its numbers, and the digest of an
-argument that of its name and type. The digest of a result therefore doesn't depend on names of
-variables and functions, on the order of independent operations, on unused operations, on `jax.jit`
-around parts of the function, or on the process. All that globals, helpers, base classes and
-properties contribute is part of it, because it appears in the traced program.
+A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
+combines the operation that computes the value, the operation's parameters and the digests of its
+operands. The digest of a constant is that of its numbers, and the digest of an argument that of its
+name and type. The digest of a result therefore doesn't depend on names of variables and functions,
+on the order of independent operations, on unused operations, on `jax.jit` around parts of the
+function, or on the process. All that globals, helpers, base classes and properties contribute is
+part of it, because it appears in the traced program.
 """
 
 import dataclasses
@@ -25,17 +26,18 @@ from ...compilation.tracing import CALLS, program_of
 from ...fields.types import ArrayLike
 
 DIGITS = 16
-"""Number of characters of a digest."""
+"""Number of characters of a digest, hexadecimal: 64 bits, with which equal digests of different
+programs are practically excluded."""
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
-"""Operations that only print, and that are left out."""
+"""Names of primitives that only print. They are left out, since they change no result."""
 
 
 class Fingerprints(NamedTuple):
     """Digests and shapes of the entries of the dictionary that a function returns, by key.
 
-    - `digests`: digest of each entry.
+    - `digests`: digest of each entry; it changes if the code that computes the entry changes.
     - `shapes`: each entry with `jax.ShapeDtypeStruct` in place of its arrays.
     """
 
@@ -60,6 +62,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
         for (path, _), variable in zip(named, program.jaxpr.invars, strict=True)
     ]
     results = _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
+    # The digest of an entry combines the digests of its leaves with their paths inside the entry.
     parts: dict[str, list[str]] = {name: [] for name in shapes}
     for (path, _), result in zip(
         jax.tree_util.tree_flatten_with_path(shapes)[0], results, strict=True
@@ -71,7 +74,9 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
     """Return the digests of a program's results.
 
-    **Arguments:** `constants`, `inputs`: digests of the program's constants and inputs.
+    **Arguments:** `jaxpr`: the program; `constants`, `inputs`: digests of its constants and inputs.
+
+    **Raises:** `ValueError` for a call of a Python function that JAX does not trace.
     """
     known = dict(zip(jaxpr.invars, inputs, strict=True))
     known |= zip(jaxpr.constvars, constants, strict=True)
@@ -81,6 +86,7 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
             return _constant(np.asarray(atom.val, _shape(atom).dtype))
         return known[atom]
 
+    # An equation's digest combines those of its operands, so names and order have no effect.
     for line in jaxpr.eqns:
         operands = [of(atom) for atom in line.invars]
         name = line.primitive.name
@@ -100,19 +106,30 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
 
 
 def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
-    """Return the digests of the results of a program that is a parameter of an operation."""
+    """Return the digests of the results of a program that is a parameter of an operation, such as
+    the body of a loop.
+
+    **Arguments:** `inputs`: digests of the program's inputs.
+    """
     if isinstance(program, ClosedJaxpr):
         return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
     return _results(program, _numbered("constant", program.constvars), inputs)
 
 
 def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
-    """Return digests of variables that are known only by their position and type."""
+    """Return the digests of variables that are known only by their `kind` ("input" or "constant"),
+    position and type."""
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
 def _setting(operation: str, value: object) -> str:
-    """Return the digest of a parameter of an operation, whose name is used in error messages."""
+    """Return the digest of a parameter of an operation, or of a collection of its parameters.
+
+    **Arguments:** `operation`: name of the operation, for error messages; `value`: the parameter
+    or the collection.
+
+    **Raises:** `ValueError` for a Python function, which would differ between processes.
+    """
     # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars

@@ -1,4 +1,4 @@
-"""Grid of a store: a copy of the results along the axes, for programs that read Zarr.
+"""Grid of a store: a copy of the results along the axes of the sweep, for programs that read Zarr.
 
 The folder `BY_LANE` of a store has the results by lane, so that lanes can be written one by one and
 more lanes can be added. The grid has the same results along the axes, for `xarray.open_zarr(path)`.
@@ -24,7 +24,8 @@ ROOT = "zarr.json"
 
 
 def unfinished(path: Path) -> Path:
-    """Return a new path beside that of a store, for a store that is not yet complete."""
+    """Return a new path beside that of a store, for a store or grid that is being written and is
+    moved to its place when it is complete."""
     return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
 
 
@@ -81,7 +82,11 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid at a path has the same variables and result codes as `results`."""
+    """Return whether the grid at a path has the same variables and result codes as `results`.
+
+    If so, it need not be written again, since the numbers of a lane do not change once it has a
+    result code.
+    """
     import xarray as xr
 
     try:

@@ -1,7 +1,8 @@
 """Metadata and labels of a sweep's Zarr store, which are written before any result.
 
-In the store's arrays each lane has a row. The number of the row may differ from that of the lane,
-because lanes that are added later get rows at the end.
+They tell which sweep the store holds, and which lanes. In the store's arrays each lane has a row.
+The number of the row may differ from that of the lane, because lanes that are added later get rows
+at the end.
 """
 
 import glob
@@ -34,13 +35,15 @@ _DIGEST = "sweep_digest"
 ADDED = "sweep_added"
 """Name of the attribute that lists the variables added when some lanes were already done."""
 ABANDONED_AFTER = 3600.0
-"""Age, s, above which an incomplete store is removed. Writing one takes about a second."""
+"""Age, s, above which an incomplete store counts as left behind by a killed process and is removed.
+Writing one takes about a second."""
 
 
 class Contents(NamedTuple):
     """Contents of a store without the results.
 
-    - `layout`, `identity`: layout and identity of the sweep.
+    - `layout`: axes, variables and settings of the sweep.
+    - `identity`: digests by which the sweep and its lanes are recognised.
     - `order`: (lanes,) number of the lane in each row of the store.
     - `added`: names of the variables that were added when some lanes were already done.
     """
@@ -52,9 +55,13 @@ class Contents(NamedTuple):
 
 
 def create(path: Path, contents: Contents) -> None:
-    """Make a store without results at a path; do nothing if another process has made the store.
+    """Make a store without results at a path; do nothing if another process makes it at the same
+    time.
 
-    The store is written under another name and then renamed, so that it is complete or absent.
+    The store is written under another name and then renamed, so that at any time it is either
+    complete or absent.
+
+    **Arguments:** `contents`: layout and identity of the sweep.
     """
     with _new_store(path, contents) as store:
         write_grid(store, dataset(contents.layout, contents.layout.pending()))
@@ -68,7 +75,8 @@ def create(path: Path, contents: Contents) -> None:
 def extend(path: Path, contents: Contents) -> None:
     """Add lanes, in rows after the existing ones, or variables to the store at a path.
 
-    Existing chunks are not changed. The grid, whose labels are outdated, is removed.
+    Existing chunks are not changed. The grid (the copy of the results along the axes), whose labels
+    are outdated, is removed.
 
     **Arguments:** `contents`: contents of the extended store.
     """
@@ -99,10 +107,12 @@ def contents_of(path: Path) -> Contents:
 
     **Raises:** `ValueError` if there is no sweep's store, or if its metadata or labels are damaged.
     """
+    # Attributes are settings and notes of the sweep, and the store's own, which begin with `_OWN`.
     group, attrs = _opened(path)
     own = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
     notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
     path = path / BY_LANE
+    # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
     order = _values(path, group, own["sweep_order"])
     row_of = np.argsort(order)
     names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
@@ -115,6 +125,7 @@ def contents_of(path: Path) -> Contents:
             shape = own["sweep_shape"]
             values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
         axes.append(axis._replace(values=values))
+    # All arrays that are not labels are variables.
     labels = {*names, *further, *digests.values(), own["sweep_order"]}
     layout = Layout(
         tuple(axes),
@@ -169,7 +180,11 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 @contextmanager
 def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """Write a store without results beside a path; yield its path, and remove it afterwards."""
+    """Write a store without results beside a path, and yield its path.
+
+    Within the context the caller moves the store, or its files, to their place; the rest is removed
+    afterwards.
+    """
     store = unfinished(path)
     try:
         _write(store / BY_LANE, contents)
@@ -179,7 +194,7 @@ def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
 
 
 def _write(path: Path, contents: Contents) -> None:
-    """Write a group `by_lane` without results to a folder."""
+    """Write the group `by_lane` of a new store, without results, to a folder."""
     import zarr
 
     layout, identity, order, added = contents
@@ -201,6 +216,7 @@ def _write(path: Path, contents: Contents) -> None:
     }
     attributes = {**layout.settings, **layout.notes, **own}
     group = zarr.create_group(checked_files()(path), zarr_format=3, attributes=attributes)
+    # Labels along the lanes: values of the axes, digests of the lanes, and the order.
     columns = layout.values()
     along_lanes = [
         *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
@@ -215,6 +231,7 @@ def _write(path: Path, contents: Contents) -> None:
         group.create_array(
             name,
             shape=(layout.lanes, *variable.shape),
+            # A file has a chunk of lanes, with all other dimensions.
             chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
             dtype=variable.dtype,
             fill_value=variable.fill,
@@ -226,6 +243,7 @@ def _write(path: Path, contents: Contents) -> None:
         # file for every array.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(group.store)
+    # The digest covers all metadata but itself.
     root = json.loads((path / ROOT).read_text())
     root["attributes"][_DIGEST] = _digest(root)
     (path / ROOT).write_text(json.dumps(root, indent=2))
@@ -248,7 +266,7 @@ def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: 
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array of labels.
+    """Read an array of labels, all of which are needed to open a store.
 
     **Raises:** `ValueError` for a missing or damaged file.
     """

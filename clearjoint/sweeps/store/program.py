@@ -44,7 +44,8 @@ from ..work import variable_name
 from .fingerprint import digest, fingerprints
 
 RUN = ""
-"""Key of the digests of the run itself, beside the names of variables and outputs."""
+"""Key of the digests of the run itself in dictionaries whose other keys are names of variables or
+outputs."""
 _BLOCK = 4096
 """Number of lanes whose bytes are in memory at the same time."""
 
@@ -52,7 +53,7 @@ _BLOCK = 4096
 class Identity(NamedTuple):
     """Digests that identify a sweep of n lanes.
 
-    - `programs`: digests of the programs by name; see `programs`.
+    - `programs`: digests of the traced programs by name, from the function `programs`.
     - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
       the name of an output, digests (n,) of the times at which it is saved.
     """
@@ -75,12 +76,16 @@ def programs(
 
     **Arguments:**
 
-    - `plan`, `channels`: as in `clearjoint.simulation.lanes.tasks.Common`.
-    - `folded_scene`, `state`: scene and initial state of a lane.
-    - `start_time`: s.
+    - `plan`: integration method and outputs of the sweep.
+    - `folded_scene`, `state`: scene and initial state of a lane. Numbers that are marked as
+      constants in the scene become part of the programs.
+    - `start_time`: s, start of all runs.
+    - `channels[name][key]`: quantities that the output `name` records, by the end of the name of
+      their variable.
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
     """
+    # The run itself is traced without outputs, so that its digest does not depend on them.
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
     without_outputs = Plan(plan.scheme, {}, {}, False, plan.max_steps)
     with_impacts = Plan(plan.scheme, {}, {}, False, plan.max_steps, plan.impacts)
@@ -90,7 +95,7 @@ def programs(
         return unpack(eqx.combine(numbers, rest))
 
     def begin(plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
-        """Return the lane before its first step, of the given length."""
+        """Return the lane before its first step, which has the given length."""
         request = _request(time + length, length)
         return begin_lane(plan, scene_of(numbers), state, time, request)
 
@@ -113,10 +118,10 @@ def programs(
         }
 
     def instant(numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of a row.
+        """Return the instant of a snapshot.
 
         A quantity may evaluate the dense output at a fraction of the step. The values there are the
-        fraction times another row, so that the fraction appears in the traced program.
+        fraction times the snapshot `inside`, so that the fraction appears in the traced program.
         """
         system = plan.scheme.system(scene_of(numbers))
 
@@ -184,13 +189,14 @@ def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: str) -> Identity:
-    """Return the identity of a sweep.
+    """Return the identity of a sweep, by which a store recognises it and its lanes.
 
     A lane starts from its scene, its initial state, its end time and the length of its first step.
     Lanes with invalid values are identified by their error message.
 
-    **Arguments:** `digests`: digests of the programs by name; `tasks`: data of all lanes; `saved`:
-    name of the output that is saved at the times `tasks.save_at`.
+    **Arguments:** `digests`: digests of the programs by name; `lanes`: scenes and initial states;
+    `tasks`: data of all lanes; `saved`: name of the output that is recorded at the times
+    `tasks.save_at`.
     """
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
@@ -203,12 +209,14 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """Return the digest of each row, over arrays (n, ...) side by side, as int64 (n,)."""
+    """Return a digest for each of n lanes, as int64 (n,), of the lane's rows in several arrays
+    (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
     for first in range(0, count, _BLOCK):
         block = slice(first, min(first + _BLOCK, count))
+        # The bytes of a lane's rows stand one after the other in a row of `table`.
         rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
         table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
         digests[block] = [_number(row.tobytes()) for row in table]
@@ -225,7 +233,8 @@ def matching_lanes(
 ) -> Int[np.ndarray, " s"]:
     """Return for each stored digest the number of a wanted lane with the same digest, (s,).
 
-    No lane occurs twice; the number is -1 where no lane is left.
+    If several wanted lanes have the same digest, each is taken at most once. The number is -1 where
+    no lane with the digest is left.
     """
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)

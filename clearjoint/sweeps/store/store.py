@@ -2,9 +2,9 @@
 
 In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
 are those of the sweep, so writing a chunk changes no file of another chunk. The result codes of a
-chunk are written last. Without them its lanes count as pending, whatever else a killed process has
-written. Writing a chunk again is harmless, and two processes that write the same chunk wait for
-each other. The same results along the axes are stored for other programs (`.grid`).
+chunk are written last. Without them its lanes count as pending (not yet computed), whatever else a
+killed process has written. Writing a chunk again is harmless, and two processes that write the same
+chunk wait for each other. The same results along the axes are stored for other programs (`.grid`).
 
 Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
 exchanged file count as pending too. A warning names the file, and the lanes are computed again.
@@ -38,19 +38,24 @@ if TYPE_CHECKING:
 _NAMED = 5
 """Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
-"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the time
-that they may take."""
+"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the sweep's
+time that these writes may take. The grid is a copy of all results, so writing it often would be
+slow."""
 
 
 class SweepMemory:
-    """Results of a sweep in memory, with the methods of a `SweepStore`."""
+    """Results of a sweep in memory, with the methods of a `SweepStore`; used for sweeps without a
+    path.
+
+    **Arguments:** `layout`: shapes and labels of the results.
+    """
 
     def __init__(self, layout: Layout):
         self.layout = layout
         self._arrays = layout.pending()
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the numbers of the lanes that are not done, by number of their chunk."""
+        """Return the numbers of the lanes that have no results yet, by number of their chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
@@ -68,7 +73,11 @@ class SweepMemory:
 
 
 class SweepStore:
-    """Results of a sweep in a folder on disk; `SweepStore.open` makes one."""
+    """Results of a sweep in a folder on disk. `SweepStore.open` opens or creates one.
+
+    **Arguments:** `path`: the folder; `contents`: layout and identity of the sweep, and the order
+    of the lanes in the store.
+    """
 
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
@@ -83,7 +92,8 @@ class SweepStore:
 
         A store with fewer lanes or variables than the requested sweep is extended.
 
-        **Arguments:** `layout`, `identity`: layout and identity of the requested sweep.
+        **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
+        digests of its programs and lanes.
 
         **Raises:** `ValueError` if there is something other than a store at the path, or if the
         stored sweep has other settings, or lanes or variables that the requested sweep lacks.
@@ -106,7 +116,8 @@ class SweepStore:
         return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the numbers of the lanes that are not done, by number of their chunk.
+        """Return the numbers of the lanes that have no results yet, or damaged ones, by number of
+        their chunk.
 
         **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
         """
@@ -186,7 +197,8 @@ class SweepStore:
         return merged
 
     def write_grid(self) -> None:
-        """Write the results along the axes for other programs, if those on disk are outdated."""
+        """Write the grid, the results along the axes for other programs, if the one on disk is
+        outdated."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
             results = _labelled(self.path, contents_of(self.path))
@@ -234,10 +246,13 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     """Return the wanted contents, with the order of lanes that the store will have.
 
     The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
-    `wanted.order` is not used.
+
+    **Arguments:** `path`: path of the store, for the error message; `stored`: contents of the
+    store; `wanted`: contents that it should have, of which the `order` is not used.
 
     **Raises:** `ValueError` that lists the differences, if the store holds another sweep.
     """
+    # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
     kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
     lines = differences(stored, wanted, kept)
@@ -253,10 +268,11 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Return the pending lanes by number of their chunk.
+    """Return the numbers of the pending lanes, those without results, by number of their chunk.
 
-    **Arguments:** `codes`: (rows,) result code of each row of the store; `order`: (rows,) lane in
-    each row; `chunk`: number of rows of a chunk.
+    **Arguments:** `codes`: (rows,) result code of each row of the store, which is `PENDING` for a
+    pending lane; `order`: (rows,) number of the lane in each row; `chunk`: number of rows of a
+    chunk.
     """
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
@@ -284,6 +300,7 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
     # in between stays pending here.
     codes, faults = read(folder, opened(group, RESULT))
     codes = codes[lanes]
+    # A missing file of result codes is no damage: its lanes are not done yet.
     done = codes != PENDING
     for chunk in [chunk for chunk, fault in faults.items() if fault == DAMAGED]:
         damaged.append(f"{chunk_file(folder, opened(group, RESULT), chunk)} is {DAMAGED}")
