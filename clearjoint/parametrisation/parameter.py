@@ -37,9 +37,9 @@ class Parameter:
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
       in the scene.
 
-    `Parameter.initial` takes a path in the initial state, `Parameter.change` a function that makes
-    scene and state from a value, and `Parameter.delay` the names of measured series whose clock is
-    late.
+    `Parameter.initial` makes a parameter of a number of the initial state, `Parameter.change` of a
+    value from which a function makes scene and state, and `Parameter.delay` of the unknown delay of
+    the clock that stamped measured series.
 
     **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
 
@@ -113,10 +113,10 @@ class Parameter:
         - `value`: first guess, s.
         - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
 
-        A sample that the delay moves to a time before the start of the run is compared with the
+        A sample whose time less the delay is before the start of the run is compared with the
         initial state: leave out these samples by `Measurements.between`. A delay common to all
         series is identifiable only if the initial state is known, or if the motion depends on
-        time itself and not only on the time since its start.
+        time itself, for example by a driver, and not only on the time since its start.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value

@@ -38,7 +38,8 @@ LEAST_RUNS = 10
 
 
 class Estimates(NamedTuple):
-    """Derivatives (p,) of a mean by the standardised parameters, and their standard errors (p,)."""
+    """Derivatives (p,) of a mean by the centres of the parameters' distributions, and their errors
+    (p,), as standard deviations."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -72,8 +73,9 @@ def statistics_derivatives(
     - `uncertain`: the p parameters, `Uncertain` by name. A `deviation` needs no runs of its own,
       whatever the number of parameters; each `half_width` or `between` takes `members` further
       runs.
-    - `members`: number of runs, each with its own draw of all parameters, even; at least 10 for
-      each of the 1 + 3 p + p (p - 1)/2 coefficients of the regression.
+    - `members`: number of runs with their own draws of all parameters. It must be even, because the
+      further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
+      of the regression.
     - `disturbance`, `seed`: of the starts, as in `ensemble`.
     - `confidence`: level of the intervals, between 0 and 1.
 
@@ -117,7 +119,9 @@ def statistics_derivatives(
     )
     from scipy.special import ndtri
 
+    # Half the width of an interval, in standard errors.
     factor = float(ndtri(0.5 * (1.0 + confidence)))
+    # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
     normal = np.array([one.is_normal for one in uncertain.values()])
     variables: dict[str, Labelled] = {}
@@ -144,9 +148,11 @@ def statistics_derivatives(
 def _labelled(
     name: str, unit: str, sample: np.ndarray, found: Estimates, factor: float
 ) -> dict[str, Labelled]:
-    """Return mean and derivatives of an output, with their errors and intervals, by name.
+    """Return the mean of an output and its derivatives, with errors and intervals, by name.
 
-    `sample`: values of the output; `factor`: half the width of an interval, in standard errors.
+    **Arguments:** `name`, `unit`: of the output; `sample`: its values in independent runs;
+    `found`: derivatives by the nominal coordinates; `factor`: half the width of an interval, in
+    standard errors.
     """
     derivatives, errors = found
     along = {
@@ -172,8 +178,12 @@ def _check_members(members: int, parameters: int) -> None:
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
-    """Return standardised coordinates (runs, p): `members` independent draws, and for each uniform
-    parameter as many more, in pairs that differ only in this parameter, 1 and -1."""
+    """Return the standardised coordinates (runs, p) of all runs.
+
+    The first `members` rows are independent draws. Then come as many rows for each parameter with a
+    uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
+    """
+    # With the seed alone, the draws would come from the same random numbers as `_directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
     ones = list(uncertain.values())
 
@@ -191,7 +201,10 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
 
 
 def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
-    """Return a random direction of the start for each run; runs of a pair share theirs."""
+    """Return random directions (runs, v) of the disturbances of the starts, as in `directions`.
+
+    The two runs of a pair, which come after the first `members` runs, share their direction.
+    """
     along = directions(scene, runs, seed)
     along[members + 1 :: 2] = along[members::2]
     return along
@@ -203,24 +216,28 @@ def estimate(
     members: int,
     normal: np.ndarray,
 ) -> Estimates:
-    """Return derivatives by the standardised coordinates, from the runs of
-    `statistics_derivatives`.
+    """Return the derivatives of an output's mean by the centres of the standardised parameters.
 
-    **Arguments:** `draws`: standardised coordinates; `values`: an output, NaN where a run failed;
-    `members`: number of independent draws, which come first; `normal`: (p,), whether the
-    distribution of each parameter is normal.
+    A derivative is by regression for a normal parameter, and by pairs of runs for a uniform one;
+    see the module's docstring.
+
+    **Arguments:** `draws`: (runs, p) standardised coordinates, in the order of the rows of
+    `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
+    draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
 
     **Raises:** `ValueError` if too few runs succeed.
     """
     count = draws.shape[1]
     derivatives, errors = np.zeros(count), np.zeros(count)
     usable = np.isfinite(values[:members])
+    # Rounded down, because an odd number of runs without failure is no error.
     _check_members(2 * (int(usable.sum()) // 2), count)
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
     first = members
     for k in np.flatnonzero(~normal):
         pairs = values[first : first + 2 * (members // 2)].reshape(-1, 2)
+        # The ends of the distribution are at 1 and -1, a distance of 2.
         halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
         halves = halves[np.isfinite(halves)]
         require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
@@ -230,11 +247,14 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients (p,) of z in a regression of y, and their standard errors.
+    """Return the coefficients (p,) of z in a regression of y, and their standard errors (p,).
 
     The regressors are orthogonal under the distribution of z, so that the expectation of the
     coefficient of z does not depend on the others: Hermite polynomials up to degree 3 for normal
     and Legendre polynomials for uniform parameters, and products of two parameters.
+
+    **Arguments:** `z`: (n, p) standardised coordinates; `y`: (n,) an output; `normal`: (p,) whether
+    the distribution of each parameter is normal.
     """
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)
@@ -246,6 +266,7 @@ def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.nd
     residuals = y - design @ (inverse @ y)
     # The scatter of a chaotic output depends on z: HC3 errors don't assume equal variances.
     leverage = np.einsum("ij,ji->i", design, inverse)
+    # A leverage of 1, of a run that alone determines a coefficient, would divide by zero.
     scaled = residuals / np.maximum(1.0 - leverage, 1e-12)
     errors = np.sqrt(((inverse * scaled) ** 2).sum(axis=1))
     return (inverse @ y)[1 : p + 1], errors[1 : p + 1]
