@@ -35,9 +35,10 @@ from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
+"""Function of the user that is called after each run of a search."""
 OnFitIteration = Callable[[int, Iteration], None]
-"""Function of the number of samples in the fit and of an `Iteration`, called after each
-iteration."""
+"""Function of the number of samples in the present window and of an `Iteration`, called after each
+run of a search."""
 WINDOW_TOLERANCE = 0.1
 """Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
 the last one end."""
@@ -84,7 +85,9 @@ def identify(
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
-    """Estimate parameters by least squares (Levenberg-Marquardt).
+    """Estimate parameters of a scene and of its initial state from measurements, by least squares.
+
+    The method is that of Levenberg and Marquardt, with the derivatives of runs.
 
     **Arguments:**
 
@@ -238,9 +241,10 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Data that all fits of `identify_many` share; see its arguments.
+    """What all fits of `identify_many` share; `fit` makes one of them. See also its arguments.
 
-    - `runs`, `coarse_runs`: the runs to fit, and runs of looser tolerances for a screening.
+    - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
+      tolerances of a screening.
     - `units`: of the parameters by name.
     - `rows`: (starts, p) coordinates from which searches start.
     - `ends`: ends of the growing windows, s, of which the last is the end of the record.
@@ -263,7 +267,8 @@ class _Problem:
     ) -> tuple[Fit | None, bool]:
         """Fit one set of measurements.
 
-        **Arguments:** `show`: whether to show the progress of a screening.
+        **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
+        `show`: whether to show the progress of a screening.
 
         **Returns:** the fit, ``None`` if the user interrupted it before the first search ended; and
         whether the user interrupted it.
@@ -273,6 +278,7 @@ class _Problem:
         screened, checked, stopped = (), None, False
 
         def search_from(start: np.ndarray) -> Search:
+            # The search is kept before the interruption goes on, so that its best run is not lost.
             search = self._search(data, start, on_iteration)
             searches.append(search)
             if search.ending is Ending.INTERRUPTED:
@@ -305,7 +311,10 @@ class _Problem:
         return fit, stopped
 
     def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
-        """Search from coordinates (p,), window by window; each window starts from the last."""
+        """Search from coordinates (p,), window by window, each from the result of the one before.
+
+        **Arguments:** `data`: all samples of the record; `on_iteration`: called after each run.
+        """
         max_changes = step_limits(self.parameters)
         windows, at = [], start
         best: RunMisfit | None = None
@@ -371,7 +380,11 @@ def _with_prior(
 ) -> RunMisfit:
     """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
 
-    The prior adds p residuals (at - centre)/deviations; `centre` and `deviations` are (p,).
+    The prior adds p residuals (at - centre)/deviations to those of the samples. It keeps parameters
+    that a short window hardly determines near their start.
+
+    **Arguments:** `misfit`: function that runs the scene; `centre`, `deviations`: (p,) mean and
+    standard deviation of the prior, of which infinite ones mean no prior.
     """
     plain = misfit(at)
     return replace(
@@ -385,7 +398,13 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield a function that calls `progress`, or shows a line with the number of searches."""
+    """Yield the function to call after each run of a search.
+
+    It calls the user's function `progress`. If `progress` is ``True``, it shows a line with the
+    number of runs, the chi squared per sample and the values of the parameters.
+
+    **Arguments:** `searches`: number of searches to come, which the line shows.
+    """
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
