@@ -1,7 +1,7 @@
 """Identifiability of parameters from planned measurements, by Cramér-Rao bounds.
 
 The bounds follow from the sensitivities of the sensors' outputs. The study
-`studies.identifiability` compares them with those of an event-exact solver.
+`studies.identifiability` compares them with those of a reference solver.
 """
 
 from collections.abc import Mapping
@@ -160,7 +160,10 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """Condition number of the derivatives of all samples, with columns of unit length."""
+        """Condition number of `rows` with their columns scaled to unit length.
+
+        If it is large, the data hardly determine some combination of the parameters.
+        """
         return float(information.condition(self.root))
 
     @property

@@ -67,7 +67,7 @@ def disturbance(scene: Scene) -> Parameter:
 def points(scene: Scene) -> dict[str, Quantity]:
     """Return the global coordinates of four points of each body, m, as quantities by name.
 
-    The points are those of the module's docstring.
+    They are its centre of mass, and a point on each body axis at its radius of gyration.
     """
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():

@@ -1,9 +1,10 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. This growth makes parameters visible in data, but it
-limits a fit in two ways. In records of some length, the run of a wrong guess has another sequence
-of impacts than the data, and the fit may end in wrong parameters. In longer records, integration
-errors grow until a run differs from the true motion for its parameters.
+Such a fit compares all samples with one run from the initial state, and searches the parameters for
+which they agree. Small differences grow from impact to impact. This growth makes parameters visible
+in data, but it limits a fit in two ways. In records of some length, the run of a wrong guess has
+another sequence of impacts than the data, and the fit may end in wrong parameters. In longer
+records, integration errors grow until a run differs from the true motion for its parameters.
 
 The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. Its
 path is the straight line from the guess to the truth, in the parameters' coordinates. If the misfit
@@ -68,7 +69,8 @@ class WrongGuess:
 class FitHorizon:
     """Longest record that a fit by a single run can use, and what limits it.
 
-    A coordinate is a parameter's value on its scale, such as the logarithm of the value.
+    Such a fit compares all samples with one run from the initial state. A coordinate is a
+    parameter's value on its scale, such as the logarithm of the value.
 
     - `times`: (T,) s, times of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
@@ -80,7 +82,8 @@ class FitHorizon:
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
     - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
-    - `guesses`: wrong guesses, with the records for which a fit from them fails.
+    - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
+      may fail.
     - `information`: smallest standard deviations that the data allow, also for shorter records.
 
     `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
@@ -185,7 +188,7 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
-    """Return the end of a record, given in s, as text in ms."""
+    """Return text on the end of a record, s: "up to" the time in ms, "to the end" if infinite."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 

@@ -101,8 +101,8 @@ class ParametrisedScene(eqx.Module):
     ) -> tuple[PyTree, PyTree, PyTree]:
         """Compute a function of the scene and its derivatives by the parameters, in forward mode.
 
-        A run uses it to carry derivatives along: `primals` are the results of one stage, which
-        depend on the parameters by `tangents`, and the function computes the next.
+        Parameters enter the function in two ways: through the scene, and through `primals`, earlier
+        results of a run, whose derivatives `tangents` are known.
 
         **Arguments:**
 

@@ -200,7 +200,10 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`."""
+    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
+
+    **Arguments:** `tree`: scene or state, or a part of it; `name`, `unit`: those of this part.
+    """
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):

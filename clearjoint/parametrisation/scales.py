@@ -85,6 +85,8 @@ class AbstractScale(abc.ABC):
 class Linear(AbstractScale):
     """Scale of any value: value = unit * coordinate.
 
+    The steps of a fit are not limited.
+
     **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
 
     >>> cj.Linear(unit=0.5).value(3.0)
@@ -118,6 +120,8 @@ class Linear(AbstractScale):
 class Log(AbstractScale):
     """Scale of positive values: value = exp(coordinate).
 
+    One step of a fit changes the value by a factor of e at most.
+
     >>> scale = cj.Log()
     >>> print(f"{scale.coordinate(1.0):.1f}, {scale.value(0.0):.1f}")
     0.0, 1.0
@@ -146,6 +150,8 @@ class Log(AbstractScale):
 @dataclass(frozen=True)
 class Bounded(AbstractScale):
     """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
+
+    One step of a fit changes the coordinate by 1 at most.
 
     **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
 

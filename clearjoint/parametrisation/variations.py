@@ -26,7 +26,10 @@ state) with that value."""
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way in which a value changes a scene and its initial state."""
+    """A way in which a value changes a scene and its initial state.
+
+    An axis of a sweep, and a parameter of a fit, has one.
+    """
 
     @property
     @abc.abstractmethod

@@ -1,14 +1,16 @@
 r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
-The nominal value \(\theta\) is the middle of a stated distribution of manufacture, so that the
-expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even where f is not.
+A parameter varies between manufactured specimens by a known distribution, whose middle is the
+nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
+\sigma z)]\) over the random numbers z is smooth even where f is not.
 
 - Normal distribution: by Stein's identity, \(J' = E[f z] / \sigma\), the coefficient of z in a
   regression of f on Hermite polynomials of z (divided by \(\sigma\)). The regression is the
   likelihood-ratio method with control variates: the other polynomials reduce the variance and leave
   the expectation as it is.
 - Uniform distribution: \(J' = (E[f | z = 1] - E[f | z = -1]) / (2 \sigma)\), exactly, where
-  \(\sigma\) is half the width. The two runs of a pair share the start and all other parameters.
+  \(\sigma\) is half the width. Runs are made in pairs, one at each end of the distribution, with
+  the same start and the same values of all other parameters.
 """
 
 from collections.abc import Callable, Mapping
@@ -60,7 +62,7 @@ def statistics_derivatives(
     start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
-    """Estimate the derivatives of the outputs' means by nominal values, with intervals.
+    """Estimate the derivatives of the outputs' means by nominal values, with confidence intervals.
 
     The means are over the tolerances of manufacture and over starts that differ by less than a
     measurement can resolve. The method holds for chaotic motions, whose own derivatives grow
@@ -70,9 +72,8 @@ def statistics_derivatives(
 
     - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
-    - `uncertain`: the p parameters, `Uncertain` by name. A `deviation` needs no runs of its own,
-      whatever the number of parameters; each `half_width` or `between` takes `members` further
-      runs.
+    - `uncertain`: the p parameters, `Uncertain` by name. All those with a `deviation` share the
+      same runs; each one with a `half_width` or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
       of the regression.
@@ -82,9 +83,9 @@ def statistics_derivatives(
     **Returns:** an `xarray.Dataset`. For each output "force", ``force_mean`` and
     ``force_standard_error`` are scalars; ``force_derivative``,
     ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
-    interval) are along "parameter". Derivatives are with respect to the nominal coordinates of the
-    parameters' scales: for `Log`, of the logarithm. ``failed`` counts the failed runs, which are
-    left out.
+    interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
+    parameters' scales: for `Log`, to the logarithm of the nominal value. ``failed`` counts the
+    failed runs, which are left out.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -170,6 +171,10 @@ def _labelled(
 
 
 def _check_members(members: int, parameters: int) -> None:
+    """Check that there are enough runs for the regression.
+
+    **Raises:** `ValueError` for an odd number, or for too few.
+    """
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")
     coefficients = 1 + 3 * parameters + parameters * (parameters - 1) // 2

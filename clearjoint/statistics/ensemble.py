@@ -56,9 +56,10 @@ def ensemble(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
-      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are those of reductions
-      and of other outputs with one number in each run.
-    - `axes`: `Axis` by name; the points are all combinations of the values. By default one point.
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
+      reductions and of other outputs with one number in each run.
+    - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
+      point, the scene and state as they are.
     - `members`: number of runs at each point. More members of the same seed extend a stored
       ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the

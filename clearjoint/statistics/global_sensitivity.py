@@ -59,10 +59,11 @@ def sobol_indices(
     - `confidence`: level of the intervals, between 0 and 1.
 
     **Returns:** an `xarray.Dataset` along "parameter". For each output "force",
-    ``force_first_order`` and ``force_total_order``, each with ``_low`` and ``_high``, and the
-    scalars ``force_mean`` and ``force_deviation`` over the distributions. Groups with a failed run
-    are left out. Of the other groups the first are used, as many as the largest power of two that
-    they allow, because the estimator requires one. ``failed`` counts the failed runs.
+    ``force_first_order`` and ``force_total_order``, each with the ends of its interval in variables
+    whose names end in ``_low`` and ``_high``, and the scalars ``force_mean`` and
+    ``force_deviation`` over the distributions. Groups with a failed run are left out. Of the other
+    groups the first are used, as many as the largest power of two that they allow, because the
+    estimator requires one. ``failed`` counts the failed runs.
 
     **Raises:** `ValueError` for unsupported arguments, and if all groups have a failed run.
 

@@ -1,4 +1,5 @@
-"""Largest Lyapunov exponent of a motion: the growth rate of its tangents."""
+"""Largest Lyapunov exponent of a motion: the growth rate of its tangents, which are derivatives by
+the initial velocities."""
 
 from dataclasses import replace
 

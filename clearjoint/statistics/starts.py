@@ -130,7 +130,11 @@ def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
 def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with the given `values` of axes, by name."""
+    """Return scene and initial state with one value of each of several axes.
+
+    **Arguments:** `scene`, `state`: before the change; `axes`: axes of a sweep by name; `values`:
+    the value to set for each axis that is to be changed, by the same names.
+    """
     for name, value in values.items():
         change = axes[name].setter(scene, state)
         scene, state = change(scene, state, value)
