@@ -60,9 +60,10 @@ class LikelihoodCheck:
       actual, and the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
-    - `posterior`: a small `Posterior` around the lowest minimum, from which the fit's intervals
-      come. ``None`` if the test passed, if noise doesn't explain chi squared, if more than 75 times
-      `check_runs` runs would be needed, or if the runs don't represent the posterior.
+    - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
+      fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
+      more runs would be needed than 75 times the argument `check_runs` of `identify`, or if the
+      points are too few or miss the lowest minimum.
     - `runs`: number of runs with and without derivatives, those of the posterior not included;
       `seconds`: s, computing time of all runs.
     - `difference`: difference of chi squared at the estimates between runs with and without
@@ -286,6 +287,7 @@ def _descent(
     lowest, iterations, ending = search_with_damping(
         misfit, start, step_limits(parameters), near, steps, on_iteration
     )
+    # `search_with_damping` catches an interruption by the user, which is to end the whole check.
     if ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt
     return Search(start, (WindowSearch(end, iterations, ending),), lowest)

@@ -275,6 +275,7 @@ class Fit(AbstractTabular):
 
         The list is empty unless the residuals are far above the noise or the best run fails.
         """
+        # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         if not scatter > FAR and self.ending is not Ending.FAILED:
             return []
@@ -381,6 +382,7 @@ class Fit(AbstractTabular):
             )
         if not explored.settled and check.posterior is None:
             yield ("The intervals were still growing: increase check_runs, or shorten the record.")
+        # A rise of chi squared by 1 is that of a displacement by one standard error.
         if abs(check.difference) > 1.0:
             yield (
                 f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "

@@ -205,6 +205,7 @@ def identify_many(
     times = measurements[0].times()
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
+    # All sets have the same channels and times, so that one compiled program serves all fits.
     outputs = {name: series.channel for name, series in measurements[0].series.items()}
     runs_with = partial(experiment, scene, state, parameters, outputs, times, start_time)
     runs = runs_with(settings)
@@ -212,6 +213,7 @@ def identify_many(
     rows = start_coordinates(scene, state, parameters, guess, around)
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
+    # A screening only ranks points, for which cheaper runs are accurate enough.
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
@@ -436,6 +438,10 @@ def _check(
     tolerance: float,
     check_runs: int,
 ) -> None:
+    """Check the arguments of `identify_many`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
@@ -465,6 +471,7 @@ def _check(
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
     fine = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
     remedy = "pass 0 to leave out the test"
     require(fine, "check_runs", check_runs, "0, or a whole number from 50", remedy)

@@ -237,6 +237,7 @@ def experiment(
         name: Parameter(still, parameter.scale, value=0.0) if number in dict(delays) else parameter
         for number, (name, parameter) in enumerate(parameters.items())
     }
+    # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene, np.zeros(len(parameters)))
     return Experiment(
         scheme,

@@ -67,6 +67,10 @@ class Sensor:
 
 
 def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray) -> None:
+    """Check the arguments of a `Sensor`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     functions = len(channels) > 0 and all(callable(channel) for channel in channels)
     expected = "scalar functions of an Instant"
     require(functions, "channels", channels, expected, "pass one or several of cj.quantities")

@@ -130,6 +130,7 @@ def statistics_derivatives(
         unit = results[name].attrs.get("units", "1")
         found = estimate(draws, values, members, normal)
         scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
+        # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         variables |= _labelled(name, unit, sample, scaled, factor)
     failed = int((results["result"].values != 0).sum())

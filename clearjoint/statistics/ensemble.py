@@ -129,6 +129,7 @@ def ensemble(
         growth = np.empty((count, 2))
         for k in range(count):
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
+            # Scene and initial state at this point, without disturbance.
             at = with_values(scene, state, axes, values)
             end = end_time(at[0]) if callable(end_time) else end_time
             growth[k] = exponents_from(
@@ -147,6 +148,10 @@ def _check(
     quantiles: tuple[float, ...],
     exponents: int,
 ) -> None:
+    """Check the arguments of `ensemble`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     for name, axis in axes.items():
         kind, fine = type(axis).__name__, isinstance(axis, Axis) and name not in (MEMBER, QUANTILE)
         expected = f'an Axis, and not named "{MEMBER}" or "{QUANTILE}"'

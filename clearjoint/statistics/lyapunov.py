@@ -50,6 +50,7 @@ def exponents_from(
     points = growth.points(scene)
     rates = []
     for k in range(len(along)):
+        # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
         found = sensitivities(
             scene,

@@ -92,7 +92,7 @@ class LargestFeasible:
                 f"No limit is reached up to {self.value:.6g} {self.unit}, the end of the range. "
                 f"{trend}"
             )
-        # One digit more than the ends of the interval have in common.
+        # One digit more than the ends of the interval have in common, from 2 to 12 digits.
         width = abs(high - low) / max(abs(low), abs(high), np.finfo(float).tiny)
         form = f".{int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))}g"
         result = (
@@ -179,6 +179,7 @@ def largest_feasible(
     _check_limits(quantities, limits)
     _check(scene, quantities, draws, quantile, lanes, tolerance)
     settings = settings_or(settings, presets.derivatives)
+    # A quantity without reduction is limited by its peak.
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
     run = partial(
         sweep,
@@ -268,6 +269,7 @@ class _Search:
 
         **Arguments:** `lanes`: the margins of all computed values.
         """
+        # Without a violation, `first` is the last index, so that the spacing is over all values.
         met = lanes.gap() is not None
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
         first = _gap(lanes)[1] if met else len(lanes.coordinates) - 1
@@ -317,7 +319,10 @@ def _gap(lanes: LaneMargins) -> tuple[int, int]:
 
 
 def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the coordinates of the smallest and the largest value of `between`, after checks."""
+    """Return the coordinates of the smallest and the largest value of `between`, after checks.
+
+    **Raises:** `ValueError` for a wrong `parameter` or `between`.
+    """
     kind = type(parameter).__name__
     require(isinstance(parameter, Parameter), "parameter", kind, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)
@@ -329,6 +334,10 @@ def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple
 
 
 def _check_limits(outputs: Mapping[str, object], limits: Mapping[str, float]) -> None:
+    """Check that each output has one positive limit, under the same name.
+
+    **Raises:** `ValueError` otherwise.
+    """
     remedy = "give each quantity one limit, under the same name"
     same = set(outputs) == set(limits)
     require(same, "limit", sorted(limits), f"one for each of {sorted(outputs)}", remedy)
@@ -346,6 +355,10 @@ def _check(
     lanes: int,
     tolerance: float,
 ) -> None:
+    """Check the remaining arguments of `largest_feasible`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     for name, one in quantities.items():
         if isinstance(one, AbstractReduction):
             units, expected = list(one.units()), "a reduction with one result"

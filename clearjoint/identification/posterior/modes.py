@@ -18,10 +18,10 @@ def modes(
 
     A mode is a group of points around one minimum of chi squared. The neighbours of a point are the
     ten points nearest to it, or four for each parameter if that is more. From the lowest chi
-    squared upwards, each point joins the group of its lowest neighbour. Two groups that meet at a
-    point become one if chi squared rises by less than 3.84 from the higher minimum to this point
-    (F. Chazal et al., *Persistence-based clustering in Riemannian manifolds*, 2013). A minimum with
-    fewer points than neighbours may not be found.
+    squared upwards, each point joins a group of its neighbours, that with the lowest minimum, or
+    begins a new one. Other groups of its neighbours join it too if chi squared rises by less than
+    3.84 from their minimum to this point (F. Chazal et al., *Persistence-based clustering in
+    Riemannian manifolds*, 2013). A minimum with fewer points than neighbours may not be found.
 
     **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
     the points.
@@ -36,6 +36,7 @@ def modes(
     neighbour |= neighbour.T  # Two points are neighbours if either is near the other.
     group = np.full(number, -1)  # Index of the lowest point of each point's group.
     for point in np.argsort(values, kind="stable"):
+        # Groups of the neighbours with a lower chi squared; the others have none yet, index -1.
         around = {int(one) for one in group[neighbour[point]] if one >= 0}
         if not around:
             group[point] = point

@@ -98,6 +98,7 @@ def posterior(
     side_by_side = SideBySide(runs, samples(measurements, len(runs.times)))
     units = {name: one.variation.unit_in(scene, state) for name, one in parameters.items()}
     box, prior = (centre - half, centre + half), _prior(parameters, log_prior)
+    # The progress is shown as the time up to which the record is in the likelihood.
     bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
     with telling_of_compiling(bar):
 
@@ -157,7 +158,7 @@ def drawn_posterior(
         drawn = draw(target, number, generator, after)
         if refinement:
             drawn = refined(target, drawn, refinement, generator)
-    except FloatingPointError as error:
+    except FloatingPointError as error:  # All weights are zero.
         raise ValueError(
             f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
             "the prior of the others is zero). Centre `guess` on values with which the scene "

@@ -134,6 +134,7 @@ class Posterior(AbstractTabular):
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
+        # So few accepted moves leave many copies of points where resampling has put them.
         if self.acceptance < 0.05:
             found.append(
                 f"Only {self.acceptance:.1%} of the last moves were accepted: increase `number`."
@@ -143,7 +144,9 @@ class Posterior(AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
 
-        See `AbstractTabular`.
+        `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
+        (parameter, bound), in the `unit` of each parameter. Evidence and numbers of runs are
+        attributes.
         """
         names, along = [*self.parameters], ("parameter",)
         variables = {
@@ -159,11 +162,12 @@ class Posterior(AbstractTabular):
         return labelled_dataset("posterior", variables, labels, tuple(self._notes().items()))
 
     def to_arviz(self) -> "arviz.InferenceData":
-        """Return an `arviz.InferenceData` with one chain (extra `arviz`).
+        """Return the points as an `arviz.InferenceData` with one chain.
 
-        The group `posterior` has the values of the parameters, `log_likelihood` that of the whole
-        record, `sample_stats` the number of each point's `mode`. Evidence, numbers of runs and the
-        seed are attributes of the group `posterior`.
+        ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
+        values of the parameters, `log_likelihood` that of the whole record, `sample_stats` the
+        number of each point's `mode`. Evidence, numbers of runs and the seed are attributes of the
+        group `posterior`.
         """
         import arviz
 

@@ -156,6 +156,7 @@ def draw(
             ahead = min(int(AHEAD * ahead) + 1, target.count)
             cloud = evaluated(target, cloud.points, ahead)
             continue
+        # Weights by what this part of the record adds to the likelihood.
         increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
         weights, _ = normalised(increments)
         reached, steps = following, steps + 1
@@ -235,6 +236,7 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
     if enough(float(last)):
         return float(last)
+    # The effective number falls as the step grows.
     low, high = reached, float(last)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

@@ -15,9 +15,10 @@ SPLIT = 1e-12
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the largest number of times over which at least `keep` points are in the level set.
+    """Return up to how many of the T sample times at least `keep` points stay in the level set.
 
-    The number, from 0 to T, may be a fraction: see `level`.
+    The number, from 0 to T, may be a fraction, see `level`. Over a longer part of the record, fewer
+    points fit about as well as the best.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
     times; `keep`: a number of points; `excess`: largest chi squared over the smallest in the set.
@@ -26,6 +27,7 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
+    # The gap exceeds the excess between this number of times and the next.
     last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -60,7 +62,7 @@ def _gap(values: np.ndarray, keep: int) -> np.ndarray:
 def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
     """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
 
-    The next point is always the one that is farthest from the nearest point chosen before.
+    The next point is always the one whose distance from the nearest point chosen before is largest.
     Distances are in standard deviations of all points (n, p), along their principal axes.
     """
     distances = _distances(points)

@@ -65,7 +65,8 @@ class SideBySide:
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared of n runs, (n, count + 1): column k is that of the first k times.
+        """Return chi squared of n runs, (n, count + 1): column k is that of the first k sample
+        times.
 
         Samples that a run does not reach have the residual `UNREACHED`.
 
