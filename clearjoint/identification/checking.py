@@ -92,8 +92,10 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """Time, s, from which on chi squared disagrees with the covariance; infinite without
-        disagreement."""
+        """First time, s, at which chi squared of the record so far disagrees with the covariance.
+
+        Infinite without disagreement.
+        """
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:

@@ -243,7 +243,9 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What all fits of `identify_many` share; `fit` makes one of them. See also its arguments.
+    """What the fits of `identify_many` to several sets of measurements share; `fit` makes one.
+
+    Fields that are not listed are arguments of `identify_many`.
 
     - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
       tolerances of a screening.
@@ -357,8 +359,11 @@ class _Problem:
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Warn once if residuals are far above the noise, and once if a fit's covariance is not
-    valid."""
+    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise, and one if the test of
+    a fit's covariance has failed.
+
+    With several such fits, the warning shows the first and tells their number.
+    """
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "

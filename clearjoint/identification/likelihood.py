@@ -103,8 +103,8 @@ class QuadraticTest:
     - `predicted`: (n,) rise over the minimum by the model: the square of the distance in standard
       errors.
     - `actual`: (n,) rise in runs.
-    - `horizon`: s, time of the first sample from which on the rise disagrees at a tenth of the
-      points or more; infinite if there is none.
+    - `horizon`: s, first time at which the rise over the record so far disagrees with the model at
+      a tenth of the points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -115,8 +115,7 @@ class QuadraticTest:
     def differing(self) -> Bool[np.ndarray, " n"]:
         """Whether the rise at each point disagrees with the model, (n,).
 
-        The rise is more than 1.5 times too small or more than 2 times too large, by more than
-        `FLOOR`.
+        A rise disagrees if it is less than predicted / 1.5 - 0.5 or more than 2 predicted + 0.5.
         """
         return _differing(self.predicted, self.actual)
 
@@ -172,7 +171,8 @@ class Exploration:
     - `chi_squared`: (n,) at the points.
     - `minima`: the first minimum, and those at which local searches ended.
     - `rounds`: number of rounds in which points were drawn.
-    - `settled`: whether the last round widened every interval by less than a twentieth.
+    - `settled`: whether the last round widened every interval by less than a twentieth and found no
+      new minimum, and noise explains the lowest chi squared.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -277,6 +277,7 @@ def explore(
         several = len(candidates) > 1
         chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
         descended = [descend(candidates[k]) for k in chosen]
+        # Returned as it is only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.

@@ -206,7 +206,8 @@ def fit_horizon(
 
     The parameters' values are taken as the truth. Two runs with these values, one of them with ten
     times the tolerance, estimate the integration error. For each of several wrong guesses, four
-    more runs at points between the guess and the truth test whether the misfit falls all the way.
+    more runs, at the guess and at points between it and the truth, test whether the misfit falls
+    all the way.
     There are two guesses for each parameter, too large and too small. With two parameters there are
     four more with both of them wrong, and with more parameters eight with all of them wrong.
 

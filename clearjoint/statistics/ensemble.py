@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DISTURBANCE = 1e-9
-"""Default size of the disturbance of the initial velocities, m/s."""
+"""Default size of the disturbance of the initial velocities, m/s: far below the resolution of
+measurements, and far above rounding errors."""
 MEMBER, QUANTILE = "member", "quantile"
 """Names of the dimensions that results have besides the axes."""
 NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")

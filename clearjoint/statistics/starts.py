@@ -20,7 +20,8 @@ from ..sweeps.axes import Axis
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Singular values of the constraints' Jacobian below this share of the largest count as zero."""
+"""Singular values of the constraints' Jacobian below this share of the largest count as zero, as
+those of redundant constraints."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its stated size are rounding errors and are set
 to zero, so that velocities which the constraints fix get no axis."""

@@ -55,8 +55,8 @@ class LargestFeasible:
       satisfy the limits again, and a violation narrower than `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest value above it that
       satisfies all limits; ``None`` if no larger value satisfies the limits.
-    - `spacing`: largest distance between neighbouring values up to `value`, relative to the larger
-      neighbour.
+    - `spacing`: largest distance between neighbouring values up to the first violation, relative to
+      the larger neighbour.
     - `values`: (n,) all computed values, in `unit`.
     - `margins`: (n,) margin of each value, -inf if the run failed.
 

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 HALVINGS = 40
-"""Number of bisections that find a fraction of a time in `reached`."""
+"""Number of bisections that find the fraction of a sample in `reached`."""
 SPLIT = 1e-12
-"""Smallest variance, relative to those of the coordinates, that is not treated as zero."""
+"""Smallest variance of points along a principal axis, relative to those of the coordinates. A
+smaller one is raised to it, because distances are divided by its root."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:

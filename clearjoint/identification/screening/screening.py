@@ -26,8 +26,8 @@ from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
-"""Probability of the chi squared distribution with p degrees of freedom that gives the largest
-excess over the smallest chi squared at which points are kept."""
+"""Points fit about as well as the best if their chi squared exceeds the smallest by at most the
+quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
 """Tolerance of the integration in screening runs, relative to that of the fit. With
 the default settings it becomes 1e-6, that of `simulate`. Screening only ranks points, and the fit
