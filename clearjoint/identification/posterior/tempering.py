@@ -10,6 +10,9 @@ smooth, so that the cloud finds the region of the truth before the later impacts
 rough. The usual way, by growing powers of the likelihood of the whole record, would have to find it
 in the rough chi squared.
 
+A length of the record is given as a number of its T sample times: chi squared over the first k
+times is that of all samples up to the k-th time.
+
 The evidence is not the product of the steps' mean weights, whose errors add up. It is estimated by
 bridge sampling (X.-L. Meng and W. Wong, *Simulating ratios of normalizing constants via a simple
 identity*, 1996) between the posterior and a mixture of normal distributions around its points.

@@ -1,6 +1,7 @@
 """Level sets of chi squared: points that fit about as well as the best, and new points in the set.
 
-A point is the coordinates of p parameters. Its curve of chi squared is cumulative over the record.
+A point is the coordinates of p parameters. Its curve of chi squared is cumulative over the record:
+chi squared over the first k times is that of all samples up to the k-th of the T sample times.
 The level set of some points contains those whose chi squared exceeds the smallest by less than a
 given excess. It shrinks as more of the record is used.
 """

@@ -2,7 +2,8 @@
 
 The runs are lanes: they are computed side by side (`clearjoint.simulation.lanes.scheduler`) and
 cost a small fraction of runs with derivatives. Of each run only the curve of chi squared over the
-time of the record is kept.
+record is kept. A length of the record is given as a number of its sample times: chi squared over
+the first k times is that of all samples up to the k-th time.
 """
 
 from collections.abc import Callable
