@@ -86,6 +86,7 @@ class LaneMargins:
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        # The smaller of an interval's two margins may fall by as much inside the interval.
         doubtful = np.zeros(len(self.coordinates) - 1, bool)
         doubtful[:count] = np.minimum(ends[:-1], ends[1:]) < largest_change
         return doubtful
@@ -167,8 +168,8 @@ def limit_margins(
 
     ordered, count = np.sort(peaks, axis=1), peaks.shape[1]
     tail = 0.5 * (1.0 - CONFIDENCE)
-    # Numbers of order statistics, from 1. A product such as 0.95 * 20 may exceed 19 by rounding,
-    # which must not raise the number to 20.
+    # Numbers of order statistics, from 1. A product such as 0.55 * 100 exceeds 55 by rounding,
+    # which must not raise the number to 56.
     middle = max(math.ceil(quantile * count - 1e-9), 1)
     below = above = middle
     if count > 1 and quantile < 1.0:

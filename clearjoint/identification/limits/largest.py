@@ -125,12 +125,11 @@ def largest_feasible(
 ) -> LargestFeasible:
     """Find the largest value of a parameter for which quantities stay within their limits.
 
-    All smaller values of the range satisfy the limits too, as far as values between them were run.
-    A row is a number of values that one sweep runs side by side, as lanes. A first row over the
-    range finds the first violation, and a second row examines the values just below it. If margins,
-    log(limit / peak), rise and fall, more rows search for violations between values with small
-    margins. Then each row divides the interval in which the first violation begins, down to the
-    tolerance.
+    No smaller value that is computed violates a limit either. A row is a number of values that one
+    sweep runs side by side, as lanes. A first row over the range finds the first violation, and a
+    second row examines the values just below it. If margins, log(limit / peak), rise and fall, more
+    rows search for violations between values with small margins. Then each row divides the interval
+    in which the first violation begins, down to the tolerance.
 
     ```python
     import clearjoint as cj
