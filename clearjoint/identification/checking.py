@@ -27,23 +27,26 @@ from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run
 from .screening.misfit_curves import SideBySide
 
 ROUNDS = 6
-"""Maximum number of rounds in which points are drawn."""
+"""Maximum number of rounds in which an exploration draws points."""
 STEPS_DOWN = 15
 """Maximum number of runs of a local search."""
 NEAR, NEAREST = 0.03, 1e-3
 """Gauss-Newton step, in standard errors, at which a local search ends, and at which the final
 search in the lowest minimum ends."""
 FARTHEST = 100.0
-"""Distance, in standard errors, up to which the neighbourhood is explored."""
+"""Distance from the estimates, in standard errors, up to which an exploration may draw points."""
 FEWEST_POINTS, POINTS, REFINEMENT, MOST_RUNS = 32, 0.25, 7, 75
-"""Least number of points that find the posterior. Relative to the number of points in the first
-round of the exploration: the number of these points, of runs of the importance sampling after that,
-and of all runs that the posterior may take."""
+"""Sizes of the small posterior. It has at least `FEWEST_POINTS` points. The other three are factors
+on `check_runs`, the number of points in the first round of the exploration: `POINTS` gives the
+number of points, `REFINEMENT` the number of runs of the importance sampling at the end, and
+`MOST_RUNS` the number of runs above which the posterior is given up."""
 MARGIN = 4.0
-"""Half the width of the posterior's box, relative to the largest distance of explored points whose
-chi squared is low from the lowest minimum. Steps of the posterior grow with the box."""
+"""Half the width of the posterior's box, relative to the largest distance of explored points with a
+low chi squared from the lowest minimum. A wider box takes more runs, a narrower one may cut the
+posterior off."""
 EFFECTIVE = 50.0
-"""Effective number of points below which a posterior is not used."""
+"""Effective number of points (`Posterior.effective_sample_size`) below which a posterior is not
+used, because too few points are at the ends of its intervals."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,12 @@ class LikelihoodCheck:
       actual, and the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
-    - `posterior`: a small `Posterior` around the lowest minimum, from which the fit's intervals
-      come. ``None`` if the test passed, if noise doesn't explain chi squared, if more than 75 times
-      `check_runs` runs would be needed, or if the runs don't represent the posterior.
-    - `runs`: number of runs, with and without derivatives, but those of the posterior; `seconds`:
-      time of all runs, s.
+    - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
+      fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
+      more runs would be needed than 75 times the argument `check_runs` of `identify`, or if the
+      points are too few or miss the lowest minimum.
+    - `runs`: number of runs with and without derivatives, those of the posterior not included;
+      `seconds`: s, computing time of all runs.
     - `difference`: difference of chi squared at the estimates between runs with and without
       derivatives. A value above 1 means that integration errors exceed the noise.
 
@@ -88,17 +92,20 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """Time, s, from which on chi squared disagrees with the covariance; infinite without
-        disagreement."""
+        """First time, s, at which chi squared of the record so far disagrees with the covariance.
+
+        Infinite without disagreement.
+        """
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return how much the intervals of the exploration differ from those of the covariance.
+        """Return by which factor the intervals of the exploration differ from those of the
+        covariance.
 
-        The result is the largest ratio of their half widths, over both halves of the intervals of
-        all parameters; ratios below 1 are inverted.
+        The factor, 1 or more, is the largest ratio of their half widths, over both halves of the
+        intervals of all parameters; ratios below 1 are inverted.
 
-        **Arguments:** `best`: the best run of the fit.
+        **Arguments:** `best`: the best run of the fit, with its covariance.
         """
         assert self.exploration is not None
         half = np.sqrt(likelihood.RISE * np.diag(best.covariance))
@@ -130,11 +137,18 @@ def check(
     number: int,
     on_iteration: Callable[[Iteration], None],
 ) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its best run; if it fails, explore chi squared
-    and compute a small posterior.
+    """Test the covariance of a fit by runs around its best run.
 
-    **Arguments:** `number`: number of points in the first round of an exploration; `on_iteration`:
-    function that is called with every iteration of the local searches.
+    If the test fails, explore chi squared there and compute a small posterior. `identify` calls
+    this after its searches.
+
+    **Arguments:**
+
+    - `best`: the best run of the fit.
+    - `runs`: the scene to run; `data`: the samples with which to compare it.
+    - `parameters`, `units`: the parameters and the units of their values, by name.
+    - `number`: number of points in the first round of an exploration.
+    - `on_iteration`: function that is called with every iteration of the local searches.
     """
     started = time.perf_counter()
     generator = np.random.default_rng(0)
@@ -169,10 +183,13 @@ def check(
             likely,
             generator,
         )
+        # The local searches of the exploration end early. If one of them has found a lower minimum,
+        # the fit moves there, which takes an accurate search.
         lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
         if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
             descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
         count += len(explored.points) + sum(search.evaluations for search in searches)
+        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
         if explored.lowest <= likely:
             half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
             box = lowest.coordinates - half, lowest.coordinates + half
@@ -183,8 +200,12 @@ def check(
 
 
 def _extent(explored: likelihood.Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
-    """Return the largest distance of explored points with a low chi squared from the lowest
-    minimum, (p,), but at least two of its standard errors."""
+    """Return how far explored points with a low chi squared are from the lowest minimum, (p,).
+
+    For each coordinate, this is the largest distance, and at least two standard errors.
+
+    **Arguments:** `lowest`: the run at the lowest minimum.
+    """
     low = explored.chi_squared <= explored.lowest + likelihood.WORTH * likelihood.RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -201,11 +222,13 @@ def _small_posterior(
 ) -> Posterior | None:
     """Return the posterior in a box by few points, or ``None`` if they don't represent it.
 
-    **Arguments:** `box`: lower and upper ends (p,) of the coordinates, between which the prior is
-    uniform; `number`: as in `check`; `lowest`: smallest chi squared that is known.
+    **Arguments:** `lanes`: the runs, and the samples; `parameters`, `units`, `number`: as in
+    `check`; `box`: lower and upper ends (p,) of the coordinates, between which the prior is
+    uniform; `lowest`: smallest chi squared that is known.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
+        """Return the logarithm of a constant density at points (n, p)."""
         return np.zeros(len(points))
 
     points = max(FEWEST_POINTS, int(POINTS * number))
@@ -230,7 +253,10 @@ def _quadratic_test(
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
 ) -> likelihood.QuadraticTest:
-    """Compare runs at points around the best run with the prediction of its covariance."""
+    """Compare runs at points around the best run with the prediction of its covariance.
+
+    **Arguments:** `limits`: (p,) largest distance of the points, in coordinates.
+    """
     offsets = likelihood.displacements(best.covariance, limits, generator)
     times, shape = np.asarray(runs.times), data.weights.shape
     trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
@@ -251,12 +277,19 @@ def _descent(
     steps: int,
     on_iteration: Callable[[Iteration], None],
 ) -> Search:
-    """Search locally from a start, up to a Gauss-Newton step `near` or `steps` runs."""
+    """Search for the local minimum near a start, coordinates (p,).
+
+    **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
+    `steps`: largest number of its runs.
+
+    **Raises:** `KeyboardInterrupt` if the user interrupts it.
+    """
     end = float(runs.times[-1])
     misfit = partial(run_misfit, runs, data, end)
     lowest, iterations, ending = search_with_damping(
         misfit, start, step_limits(parameters), near, steps, on_iteration
     )
+    # `search_with_damping` catches an interruption by the user, which is to end the whole check.
     if ending is Ending.INTERRUPTED:
         raise KeyboardInterrupt
     return Search(start, (WindowSearch(end, iterations, ending),), lowest)
@@ -281,8 +314,11 @@ def _largest_offsets(
 def _early_covariances(
     best: RunMisfit, runs: Experiment, data: Samples, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return two covariances of the coordinates: for samples up to `horizon`, s, and up to half of
-    it; none if the horizon is infinite."""
+    """Return covariances (p, p) of the coordinates for two early parts of the record.
+
+    They end at `horizon`, s, and half way from the start of the run to it. The list is empty if the
+    horizon is infinite.
+    """
     if not math.isfinite(horizon):
         return []
     start, times = float(runs.start_time), np.asarray(runs.times)

@@ -39,9 +39,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AT_BOUND = 1e-3
-"""Distance from a bound, relative to the range, below which an estimate is at the bound."""
+"""Distance from a bound of a `Bounded` scale, relative to its range, below which an estimate counts
+as being at the bound."""
 ALIKE = 1.3
-"""Ratio of the widths of two intervals up to which the report says that they agree."""
+"""Ratio of the half widths of two intervals up to which the report says that they agree."""
 SHOWN = 3
 """Largest number of other minima that the warnings describe."""
 
@@ -54,11 +55,11 @@ class Fit(AbstractTabular):
     - `parameters`: `Parameter` by name, whose order is that of the p entries of all arrays.
     - `units`: unit of each parameter's value by name.
     - `measurements`: the fitted measurements.
-    - `searches`: one search from each start.
+    - `searches`: the result of the search from each start.
     - `best`: the search with the smallest chi squared, among `searches` and those of `check`.
     - `screened`: the result of each pass of a `Screening`; empty without a screening.
     - `horizon`: the `FitHorizon` given to `identify`, or ``None``.
-    - `check`: the test of the covariance by runs around the estimates, or ``None``.
+    - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
 
     Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
     A coordinate is a parameter's value on its scale, such as the logarithm of the value.
@@ -168,6 +169,7 @@ class Fit(AbstractTabular):
         is low enough.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
+        # Minima in the posterior's box are part of the posterior.
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
@@ -179,6 +181,7 @@ class Fit(AbstractTabular):
             parts.append((ends[:, 0], ends[:, 1]))
         elif self.check is not None and self.check.exploration is not None:
             parts.append(self.check.exploration.intervals())
+        # The hull of all parts, in coordinates.
         lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
         low = values_at(self.parameters, lows.min(axis=0))
         high = values_at(self.parameters, highs.max(axis=0))
@@ -186,7 +189,10 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Posterior of few points from which `intervals` come, by `check`; otherwise ``None``."""
+        """Small posterior that `check` has computed where chi squared is not quadratic.
+
+        The `intervals` come from it. ``None`` if there is none.
+        """
         return None if self.check is None else self.check.posterior
 
     @property
@@ -265,8 +271,11 @@ class Fit(AbstractTabular):
 
     @cached_property
     def advice(self) -> list[str]:
-        """Sentences on remedies, the first to try first, if the residuals are far above the noise
-        or the best run fails; otherwise an empty list."""
+        """Sentences on remedies, in the order in which to try them.
+
+        The list is empty unless the residuals are far above the noise or the best run fails.
+        """
+        # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         if not scatter > FAR and self.ending is not Ending.FAILED:
             return []
@@ -285,8 +294,8 @@ class Fit(AbstractTabular):
         )
 
     def __str__(self) -> str:
-        """Return the report: estimates, goodness of fit, series, correlations, warnings and
-        advice."""
+        """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
+        and remedies."""
         first = [] if self.check is None else [self._test_report()]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
@@ -310,7 +319,8 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Return sentences on the test of the covariance by runs around the estimates."""
+        """Return sentences on `check`: whether chi squared rises as the covariance predicts, and
+        otherwise from where the intervals come."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
@@ -319,6 +329,7 @@ class Fit(AbstractTabular):
                 f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
                 "rises as predicted."
             )
+        # An exploration was made, so at least one point differs from the prediction.
         bad = test.differing
         worst = int(np.argmax(np.where(bad, np.abs(test.actual - test.predicted), 0.0)))
         result = (
@@ -328,8 +339,11 @@ class Fit(AbstractTabular):
         )
         number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
         source = f"all points with a chi squared at most 3.84 above the lowest, with {number}"
-        # Chi squared at the end of the search less that of `best`, which the exploration found.
+        # The first explored point is the end of the search, and `best` the minimum to which the fit
+        # has moved since.
         moved = float(explored.chi_squared[0]) - self.chi_squared
+        # Standard errors are still right if there is one minimum, and the exploration, where it can
+        # be trusted, found intervals of about their width.
         single = check.minima == 1 and moved <= likelihood.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE
@@ -356,7 +370,7 @@ class Fit(AbstractTabular):
     def _check_limits(
         self, check: LikelihoodCheck, explored: likelihood.Exploration
     ) -> Iterator[str]:
-        """Yield sentences on what limits the intervals of an exploration."""
+        """Yield sentences on what may make the intervals wrong where chi squared was explored."""
         until = check.horizon
         if self.horizon is not None:
             until = min(until, self.horizon.single_shot)
@@ -368,6 +382,7 @@ class Fit(AbstractTabular):
             )
         if not explored.settled and check.posterior is None:
             yield ("The intervals were still growing: increase check_runs, or shorten the record.")
+        # A rise of chi squared by 1 is that of a displacement by one standard error.
         if abs(check.difference) > 1.0:
             yield (
                 f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "
@@ -402,6 +417,7 @@ class Fit(AbstractTabular):
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
+        """The minima in which other searches than the best one have converged."""
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
         others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
@@ -417,10 +433,11 @@ class Fit(AbstractTabular):
     def _uncertain_directions(self) -> Iterator[str]:
         """Yield a warning for each combination of parameters that the data hardly determine.
 
-        A change along the combination by one standard deviation exceeds the largest change that one
-        step of a fit may make to a coordinate.
+        That is the case if a change along the combination by one standard deviation exceeds the
+        largest change that one step of a fit may make to a coordinate.
         """
         limits = step_limits(self.parameters)
+        # Without a limit, as on a `Linear` scale, the coordinate's size serves instead.
         sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > sizes):
@@ -433,6 +450,7 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
+        """Size of the residuals in multiples of the stated noise."""
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise_warnings(self) -> Iterator[str]:

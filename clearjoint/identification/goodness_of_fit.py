@@ -13,17 +13,19 @@ from .residuals import SINGULAR, RunMisfit
 UNLIKELY = 1e-3
 """p-value of chi squared below which the noise, the model or the fit is considered wrong."""
 LAGS = 10
-"""Lags of the test of whiteness."""
+"""Number of lags, in samples, whose autocorrelations enter the test of whiteness."""
 CONFIDENCE = 0.95
+"""Level of confidence intervals."""
 DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 """Half the width of a confidence interval in standard deviations."""
 
 
 class Direction(NamedTuple):
-    """A combination of p parameters, and its uncertainty.
+    """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
 
-    - `change`: (p,) change of the coordinates along the combination; the largest entry is 1.
-    - `deviation`: standard deviation of the factor of `change`.
+    - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
+    - `deviation`: standard deviation of the estimates along the direction, in multiples of
+      `change`.
     """
 
     change: Float[np.ndarray, " p"]
@@ -31,11 +33,12 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Return the p independent combinations of the parameters, the most uncertain first.
+    """Return p directions along which the estimates err independently, the most uncertain first.
 
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
     norms = np.linalg.norm(jacobian, axis=0)
+    # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
     sizes = np.maximum(sizes, SINGULAR * max(sizes[0], 1.0))
@@ -56,9 +59,10 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared whose probability by noise alone is at least `UNLIKELY`.
+    """Return the largest chi squared that noise alone explains.
 
-    Infinite without degrees of freedom.
+    A larger one has a probability below `UNLIKELY`. The result is infinite without degrees of
+    freedom.
     """
     from scipy.special import chdtri
 
@@ -96,10 +100,12 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
-    """Return minima outside the interval of the best one that fit about as well, the best first.
+    """Return other minima of chi squared that fit the data about as well, the lowest first.
 
     Late in a record a small change of parameters moves impacts, so that chi squared has many
-    minima close together, and noise decides which is the lowest.
+    minima close together, and noise decides which is the lowest. A minimum is returned if its chi
+    squared is within the joint 95 % confidence region of the best one, and if it lies outside the
+    intervals of the best one and of all lower ones returned.
 
     **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
     """
@@ -114,5 +120,6 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
+    """Return whether `other` is outside the 95 % interval of any parameter around `one`."""
     half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

@@ -35,9 +35,10 @@ from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
+"""Function of the user that is called after each run of a search."""
 OnFitIteration = Callable[[int, Iteration], None]
-"""Function of the number of samples in the fit and of an `Iteration`, called after each
-iteration."""
+"""Function of the number of samples in the present window and of an `Iteration`, called after each
+run of a search."""
 WINDOW_TOLERANCE = 0.1
 """Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
 the last one end."""
@@ -84,7 +85,9 @@ def identify(
     check_runs: int = 400,
     progress: bool | OnIteration = True,
 ) -> Fit:
-    """Estimate parameters by least squares (Levenberg-Marquardt).
+    """Estimate parameters of a scene and of its initial state from measurements, by least squares.
+
+    The method is that of Levenberg and Marquardt, with the derivatives of runs.
 
     **Arguments:**
 
@@ -202,6 +205,7 @@ def identify_many(
     times = measurements[0].times()
     if horizon is not None:
         horizon.warn_if_beyond(float(times[-1]))
+    # All sets have the same channels and times, so that one compiled program serves all fits.
     outputs = {name: series.channel for name, series in measurements[0].series.items()}
     runs_with = partial(experiment, scene, state, parameters, outputs, times, start_time)
     runs = runs_with(settings)
@@ -209,6 +213,7 @@ def identify_many(
     rows = start_coordinates(scene, state, parameters, guess, around)
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
+    # A screening only ranks points, for which cheaper runs are accurate enough.
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
@@ -238,9 +243,12 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Data that all fits of `identify_many` share; see its arguments.
+    """What the fits of `identify_many` to several sets of measurements share; `fit` makes one.
 
-    - `runs`, `coarse_runs`: the runs to fit, and runs of looser tolerances for a screening.
+    Fields that are not listed are arguments of `identify_many`.
+
+    - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
+      tolerances of a screening.
     - `units`: of the parameters by name.
     - `rows`: (starts, p) coordinates from which searches start.
     - `ends`: ends of the growing windows, s, of which the last is the end of the record.
@@ -263,7 +271,8 @@ class _Problem:
     ) -> tuple[Fit | None, bool]:
         """Fit one set of measurements.
 
-        **Arguments:** `show`: whether to show the progress of a screening.
+        **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
+        `show`: whether to show the progress of a screening.
 
         **Returns:** the fit, ``None`` if the user interrupted it before the first search ended; and
         whether the user interrupted it.
@@ -273,6 +282,7 @@ class _Problem:
         screened, checked, stopped = (), None, False
 
         def search_from(start: np.ndarray) -> Search:
+            # The search is kept before the interruption goes on, so that its best run is not lost.
             search = self._search(data, start, on_iteration)
             searches.append(search)
             if search.ending is Ending.INTERRUPTED:
@@ -305,7 +315,10 @@ class _Problem:
         return fit, stopped
 
     def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
-        """Search from coordinates (p,), window by window; each window starts from the last."""
+        """Search from coordinates (p,), window by window, each from the result of the one before.
+
+        **Arguments:** `data`: all samples of the record; `on_iteration`: called after each run.
+        """
         max_changes = step_limits(self.parameters)
         windows, at = [], start
         best: RunMisfit | None = None
@@ -346,8 +359,11 @@ class _Problem:
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Warn once if residuals are far above the noise, and once if a fit's covariance is not
-    valid."""
+    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise, and one if the test of
+    a fit's covariance has failed.
+
+    With several such fits, the warning shows the first and tells their number.
+    """
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -371,7 +387,11 @@ def _with_prior(
 ) -> RunMisfit:
     """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
 
-    The prior adds p residuals (at - centre)/deviations; `centre` and `deviations` are (p,).
+    The prior adds p residuals (at - centre)/deviations to those of the samples. It keeps parameters
+    that a short window hardly determines near their start.
+
+    **Arguments:** `misfit`: function that runs the scene; `centre`, `deviations`: (p,) mean and
+    standard deviation of the prior, of which infinite ones mean no prior.
     """
     plain = misfit(at)
     return replace(
@@ -385,7 +405,13 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield a function that calls `progress`, or shows a line with the number of searches."""
+    """Yield the function to call after each run of a search.
+
+    It calls the user's function `progress`. If `progress` is ``True``, it shows a line with the
+    number of runs, the chi squared per sample and the values of the parameters.
+
+    **Arguments:** `searches`: number of searches to come, which the line shows.
+    """
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -417,6 +443,10 @@ def _check(
     tolerance: float,
     check_runs: int,
 ) -> None:
+    """Check the arguments of `identify_many`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
@@ -446,6 +476,7 @@ def _check(
     )
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
     fine = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
     remedy = "pass 0 to leave out the test"
     require(fine, "check_runs", check_runs, "0, or a whole number from 50", remedy)

@@ -27,15 +27,17 @@ from ..fields.conversion import on_device
 from .residuals import RunMisfit
 
 PATIENCE = 15
-"""Number of successive rejected steps, each a quarter of the previous length, that end a search."""
+"""Number of successive rejected steps after which a search ends. Each rejection multiplies the
+damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""Length of the last step, in scaled coordinates, relative to the tolerance, below which a search
-ends."""
+"""Length of the latest step relative to the tolerance below which a search ends. Both are in scaled
+coordinates, whose unit is about a standard deviation of an estimate."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
 SINGULAR = 1e-12
-"""Singular value relative to the largest below which the data don't determine a direction."""
+"""Singular value of the Jacobian, relative to the largest, below which the data don't determine a
+direction in the parameters' coordinates."""
 
 
 class Ending(Enum):
@@ -79,7 +81,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Search that uses only the samples up to a time.
+    """Result of a search that uses only the samples up to a time.
 
     - `end_time`: s, end of the window.
     - `iterations`: all runs of the search.
@@ -93,7 +95,7 @@ class WindowSearch:
 
 @dataclass(frozen=True)
 class Search:
-    """Search from one start.
+    """Result of the search from one start.
 
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
@@ -121,7 +123,7 @@ def best_search(searches: Iterable[Search]) -> Search:
 
 
 class _ClippedDescent(optx.AbstractDescent):
-    """A descent whose steps are clipped to `limits` (p,).
+    """A descent of optimistix whose steps are clipped to `limits` (p,), in scaled coordinates.
 
     Without limits, a parameter that the data hardly determine would run away while the other
     parameters are still far from their estimates.
@@ -144,8 +146,8 @@ class _ClippedDescent(optx.AbstractDescent):
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
-    The length is the norm of the projection of the residuals (M,) on the columns of the Jacobian
-    (M, p).
+    It tells how far a point is from the minimum, relative to the accuracy of the estimates. It is
+    the norm of the projection of the residuals (M,) on the columns of the Jacobian (M, p).
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
@@ -156,6 +158,7 @@ _Model = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
+    """Return the residuals (M,) of the linear model at coordinates y (p,), in optimistix' form."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 
@@ -166,11 +169,21 @@ def _advance(
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """Compute one step of the search from the linear model at the latest point.
 
-    **Arguments:** `y`: (p,) best coordinates so far; `arrays`: arrays of the solver's state,
-    ``None`` at first; `limits`: (p,) largest change of each coordinate.
+    All coordinates are scaled, see the module's docstring.
 
-    **Returns:** the best coordinates, the new arrays, whether to end, and the decrement.
+    **Arguments:**
+
+    - `y`: (p,) best coordinates so far.
+    - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
+    - `model`: residuals and Jacobian at the latest point, which may be worse than `y`.
+    - `limits`: (p,) largest change of each coordinate.
+    - `tolerance`: `decrement` below which to end.
+
+    **Returns:** the best coordinates, the new arrays of the state, whether to end, and the
+    `decrement` at the best point. The state has the next point to evaluate.
     """
+    # With optimistix' own cutoff of 0.99, the damping would decrease only after an almost exact
+    # prediction.
     solver = eqx.tree_at(
         lambda solver: (solver.descent, solver.search),
         optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
@@ -181,6 +194,8 @@ def _advance(
     )
     rows = jax.eval_shape(lambda: model[1])
     state = initial = solver.init(_residuals, y, model, {}, rows, None, frozenset())
+    # The state also contains functions, which cannot leave a compiled program. They are the same in
+    # every state, so that only the arrays are passed from step to step.
     if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
     y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
@@ -199,7 +214,7 @@ def search_with_damping(
     max_iterations: int,
     on_iteration: Callable[[Iteration], None],
 ) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
-    """Minimise the sum of squared residuals from a start, and report every iteration.
+    """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
     A `KeyboardInterrupt` after the first evaluation ends the search.
 
@@ -207,11 +222,11 @@ def search_with_damping(
 
     - `evaluate`: function that returns residuals and Jacobian at coordinates (p,).
     - `start`: (p,) coordinates; `step_limits`: (p,) largest change of each coordinate in one step.
-    - `tolerance`: Gauss-Newton step, in standard deviations, at which to end.
+    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
     - `max_iterations`: maximum number of evaluations.
-    - `on_iteration`: function that is called after each evaluation.
+    - `on_iteration`: function that is called with an `Iteration` after each evaluation.
 
-    **Returns:** the best evaluation, all iterations, and the ending.
+    **Returns:** the best evaluation, all iterations, and the reason why the search ended.
     """
     iterations: list[Iteration] = []
     best = latest = evaluate(start)
@@ -254,10 +269,10 @@ def search_with_damping(
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return residuals and Jacobian in scaled coordinates, reduced to p + 1 rows.
+    """Return residuals (p + 1,) and Jacobian (p + 1, p) in scaled coordinates.
 
-    The QR decomposition rotates the rows and keeps all norms, so that one compiled program serves
-    data of all sizes.
+    A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
+    squared nor its dependence on the coordinates, and one compiled program serves data of any size.
     """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))

@@ -3,7 +3,8 @@ wrong.
 
 The covariance of a fit assumes that chi squared is quadratic around the minimum. This module runs
 no scene: chi squared and local searches are arguments, which `clearjoint.identification.checking`
-computes by runs. Points are coordinates of p parameters on their scales.
+computes by runs. Points are coordinates of p parameters on their scales. Residuals are in standard
+deviations of the noise, and chi squared is the sum of their squares.
 """
 
 import math
@@ -26,17 +27,20 @@ LESS, MORE, FLOOR = 1.5, 2.0, 0.5
 predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
 another minimum."""
 MANY = 0.1
-"""Share of the test points that must disagree at the horizon."""
+"""Share of the test points at which chi squared must disagree with the quadratic model at the time
+that counts as horizon."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 WIDENINGS = (1.0, 2.0, 4.0)
-"""Factors on the standard errors of the normal distributions from which points are drawn."""
+"""Factors on the standard errors of a covariance for the normal distributions from which points
+are drawn."""
 KEPT = 32
 """Minimum number of points with the smallest chi squared from which the next round draws."""
 WORTH = 3.0
-"""Rise of chi squared, relative to `RISE`, up to which more points than `KEPT` are kept."""
+"""Rise of chi squared, relative to `RISE`, up to which points are worth exploring, even if they are
+more than `KEPT`."""
 DESCENTS = 6
-"""Number of local searches in a round."""
+"""Largest number of local searches in a round."""
 SETTLED = 0.05
 """Growth of the intervals in a round, relative to their width, below which they are final."""
 
@@ -46,7 +50,7 @@ def displacements(
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "n p"]:
-    """Return displacements (n, p) from a minimum at which to test its quadratic model.
+    """Return displacements (n, p) from a minimum at which to test its quadratic model by runs.
 
     Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
     smallest chi squared for that value of the parameter, and along each eigenvector of the
@@ -71,9 +75,9 @@ def displacements(
 def within(
     offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, "m p"]:
-    """Return offsets (m, p) that are shortened, along their direction, to the limits (p,).
+    """Return offsets (m, p) that are scaled down where a component exceeds the limits (p,).
 
-    Offsets of zero length are left out.
+    The direction of an offset stays. Offsets of zero length are left out.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
@@ -82,7 +86,11 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return R with R R^T = `covariance`, which may be singular, along its eigenvectors."""
+    """Return R (p, p) with R R^T = `covariance`, which may be singular.
+
+    The columns of R, divided by the standard errors, are along eigenvectors of the correlation
+    matrix, each with the length of one standard error.
+    """
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -92,11 +100,11 @@ def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 class QuadraticTest:
     """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
 
-    - `predicted`: (n,) rise over the minimum by the model, which is the square of the distance in
-      standard errors.
+    - `predicted`: (n,) rise over the minimum by the model: the square of the distance in standard
+      errors.
     - `actual`: (n,) rise in runs.
-    - `horizon`: s, time of the first sample from which on the rise disagrees at a tenth of the
-      points or more; infinite if there is none.
+    - `horizon`: s, first time at which the rise over the record so far disagrees with the model at
+      a tenth of the points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -107,8 +115,7 @@ class QuadraticTest:
     def differing(self) -> Bool[np.ndarray, " n"]:
         """Whether the rise at each point disagrees with the model, (n,).
 
-        The rise is more than 1.5 times too small or more than 2 times too large, by more than
-        `FLOOR`.
+        A rise disagrees if it is less than predicted / 1.5 - 0.5 or more than 2 predicted + 0.5.
         """
         return _differing(self.predicted, self.actual)
 
@@ -119,8 +126,7 @@ class QuadraticTest:
 
 
 def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
-    """Return where an actual rise of chi squared disagrees with the predicted rise, of equal
-    shape."""
+    """Return whether actual rises of chi squared disagree with predicted ones, in their shape."""
     low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
     return ~((actual >= low) & (actual <= high))
 
@@ -137,16 +143,19 @@ def tested(
 
     **Arguments:**
 
-    - `residuals`, `jacobian`: of S series at T `times`, s, at the minimum.
-    - `offsets`: distances of the points from the minimum.
+    - `residuals`, `jacobian`: residuals of S series at T `times`, s, and their derivatives by the
+      coordinates, at the minimum.
+    - `offsets`: displacements of the n points from the minimum.
     - `moved`: residuals at the points.
     - `near`: whether a point is so near that the nonlinearity of the scales is negligible there.
+      Only these points determine the horizon.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
     actual = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
-    # The minimum of the whole record is no minimum of a part of it: chi squared of the samples up
-    # to an earlier time has a slope there, which is subtracted.
+    # Rises are those over records that end at each of the times, (n, T). The minimum of the whole
+    # record is no minimum of a part of it: chi squared of the samples up to an earlier time has a
+    # slope there, which is subtracted.
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
     differing = _differing(predicted, actual - slope)[near]
     late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
@@ -158,11 +167,12 @@ def tested(
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p) coordinates.
+    - `points`: (n, p) coordinates; the first are those of the minimum of the fit.
     - `chi_squared`: (n,) at the points.
     - `minima`: the first minimum, and those at which local searches ended.
     - `rounds`: number of rounds in which points were drawn.
-    - `settled`: whether the last round widened every interval by less than a twentieth.
+    - `settled`: whether the last round widened every interval by less than a twentieth and found no
+      new minimum, and noise explains the lowest chi squared.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -193,8 +203,10 @@ def intervals(
     """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
-    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima that are higher
-    have none.
+    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima that are
+    themselves higher are left out, so that k may be smaller than their number, or zero.
+
+    **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
     """
     p, low, high = len(minima[0].coordinates), [], []
     for one in minima:
@@ -236,13 +248,14 @@ def explore(
     - `limits`: (p,) largest distance of points from the minimum, in coordinates.
     - `number`: number of points in the first round.
     - `rounds`: maximum number of rounds.
-    - `likely`: largest chi squared that noise explains.
+    - `likely`: largest chi squared that noise alone explains.
     - `generator`: source of random numbers.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
 
     def around(centre: np.ndarray, covariances: Sequence[np.ndarray], count: int) -> np.ndarray:
+        # The points take the covariances and factors in turn.
         roots = [w * _root(one) for one in covariances for w in WIDENINGS]
         normal = generator.standard_normal((count, p))
         offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
@@ -254,7 +267,8 @@ def explore(
     for count in range(1, rounds + 1):
         points = np.concatenate([points, fresh])
         values = np.concatenate([values, chi_squared(fresh)])
-        # At least `KEPT` points, and all of a chi squared that is worth exploring.
+        # The lowest points are kept: at least `KEPT`, and all of a chi squared that is worth
+        # exploring, but at most half of `number`.
         order = np.argsort(values, kind="stable")
         low_enough = int((values <= values.min() + WORTH * RISE).sum())
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
@@ -263,8 +277,10 @@ def explore(
         several = len(candidates) > 1
         chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
         descended = [descend(candidates[k]) for k in chosen]
+        # Returned as it is only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
+        # A minimum is new if it affects the intervals and is none of the known ones.
         relevant = [one for one in descended if one.chi_squared <= explored.lowest + RISE]
         new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
         minima += descended
@@ -272,6 +288,7 @@ def explore(
         decrease = best.chi_squared - lower.chi_squared
         best = lower
         if before is not None and not new and explored.lowest <= likely:
+            # Growth of each interval at its two ends since the round before, relative to its width.
             grown = np.maximum(before[0] - low, high - before[1]) / (high - low)
             if (grown < SETTLED).all():
                 return explored
@@ -292,9 +309,10 @@ def explore(
 def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
     """Return whether a point (p,) is within one standard error of a minimum, by its covariance.
 
-    A search from such a point would end in this minimum.
+    A search from such a point would probably end in this minimum.
     """
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
+    # The correlation matrix may be singular, and coordinates may have very different errors.
     scaled = minimum.covariance / np.outer(errors, errors)
     return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0

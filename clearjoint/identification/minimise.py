@@ -28,7 +28,7 @@ Objective = Callable[[dict[str, jax.Array]], jax.Array]
 
 @dataclass(frozen=True)
 class Minimum:
-    """Parameters of the run with the smallest objective.
+    """Result of `minimise`: the parameters of the run with the smallest objective.
 
     - `estimates`: value of each parameter by name.
     - `coordinates`: (p,) the same values on the parameters' scales.
@@ -65,9 +65,10 @@ def minimise(
     iterations: int = 100,
     start_time: float = 0.0,
 ) -> Minimum:
-    """Minimise an objective by gradient descent.
+    """Find parameters that minimise a function of a motion's outputs, by gradient descent.
 
-    For sums of squares use `identify`, which needs far fewer runs.
+    The gradient follows from runs with derivatives. For sums of squares use `identify`, which needs
+    far fewer runs.
 
     **Arguments:**
 
@@ -75,7 +76,8 @@ def minimise(
     - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the values in the scene.
     - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
-    - `optimiser`: an optax optimiser of the coordinates; by default `optax.adam(0.05)`.
+    - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
+      `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
     - `iterations`: number of runs. The search ends earlier if a run does not reach all times.
 
     **Returns:** a `Minimum`, for the run with the smallest objective.
@@ -106,6 +108,7 @@ def minimise(
         result = run.result
         if result != RESULTS.successful:
             break
+        # The times that pad `times` to the length of a compiled program are cut off.
         values = {name: row[: len(times)] for name, row in run.values.items()}
         value, slopes = gradient(values)
         history.append(float(value))

@@ -20,7 +20,8 @@ FAR = 2.0
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
-"""Number of pieces of the record, to find the piece where the run departs from the data."""
+"""Number of equal pieces of the record, of which the first with large residuals is found. Series
+with fewer samples are not examined for delays and outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
@@ -44,13 +45,17 @@ def estimates_table(
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
+        # The format keeps zeros at the end, which are significant.
         numbers = [f"{number:#.{digits}g}".rstrip(".") for number in (value, *intervals[name])]
         rows.append([name, numbers[0], f"{errors[name]:.2g}", *numbers[1:], units[name]])
     return "\n".join(aligned(rows))
 
 
 def _digits(value: float, error: float) -> int:
-    """Return how many digits of a value to show, so that two digits of its error are visible."""
+    """Return how many digits of a value to show, so that two digits of its error are visible.
+
+    There are 4 without a finite error, and at most the 15 digits of a 64-bit float.
+    """
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
@@ -92,9 +97,11 @@ def numbered(sentences: Sequence[str]) -> str:
 
 
 def searches_table(searches: Sequence[Search], best: Search, screened: Sequence[Screened]) -> str:
-    """Return a table of the searches, the best one marked by a star.
+    """Return a table with a row for each search, the best one marked by a star.
 
     With results of a screening, a line about its runs and rounds precedes the table.
+
+    **Arguments:** `screened`: result of each pass of the screening; empty without one.
     """
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(searches):
@@ -122,8 +129,12 @@ def remedies(
 ) -> Iterator[str]:
     """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
 
-    **Arguments:** as in `Fit`, and `scatter`: square root of chi squared per degree of freedom, 1
-    for the stated noise; `screened`: whether a screening found the starts.
+    **Arguments:**
+
+    - `measurements`, `parameters`, `searches`, `best`, `horizon`: as in `Fit`.
+    - `predictions`, `residuals`: (N,) of each series by name, SI and in standard deviations.
+    - `scatter`: square root of chi squared per degree of freedom, 1 for the stated noise.
+    - `screened`: whether a screening found the starts.
     """
     if all(statistics.whiteness(row) > UNCORRELATED for row in residuals.values()):
         yield (
@@ -147,6 +158,7 @@ def remedies(
             "rough, screen starts without derivatives, by starts=cj.Screening(...)."
         )
     else:
+        # Searches that end in one minimum differ in chi squared by less than a hundredth.
         ends = [search.best.chi_squared for search in searches]
         yield (
             f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
@@ -173,10 +185,14 @@ def _delays(
     predictions: Mapping[str, np.ndarray],
     residuals: Mapping[str, np.ndarray],
 ) -> Iterator[str]:
+    """Yield a sentence on the first series whose misfit is mainly that of a delayed clock.
+
+    **Arguments:** as in `remedies`.
+    """
     variations = [parameter.variation for parameter in parameters.values()]
     estimated = {name for one in variations if isinstance(one, SeriesDelay) for name in one.series}
     for name, series in measurements.series.items():
-        if len(series) < PIECES:
+        if len(series) < PIECES:  # Too few samples to tell a delay from other causes.
             continue
         # A small delay adds delay * rate to the residuals. Least squares gives the delay that
         # explains most of them.
@@ -200,6 +216,10 @@ def _delays(
 
 
 def _outliers(measurements: Measurements, residuals: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Yield a sentence if few samples, the share `FEW`, contribute most of chi squared.
+
+    **Arguments:** as in `remedies`.
+    """
     rows = np.concatenate(list(residuals.values())) ** 2
     count = max(int(FEW * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]
@@ -219,7 +239,11 @@ def _shorter_records(
     horizon: FitHorizon | None,
     windows: int,
 ) -> Iterator[str]:
-    """Yield sentences on shorter records; `windows`: number of windows that have been fitted."""
+    """Yield sentences that advise to fit a shorter record, or growing windows of the record.
+
+    **Arguments:** `measurements`, `residuals`, `horizon`: as in `remedies`; `windows`: number of
+    windows that have been fitted.
+    """
     times = np.concatenate([np.asarray(s.times) for s in measurements.series.values()])
     rows = np.concatenate([residuals[name] for name in measurements.series])
     edges = np.linspace(times.min(), times.max(), PIECES + 1)
@@ -228,6 +252,7 @@ def _shorter_records(
     pieces = ((times >= low) & (times <= high) for low, high in zip(edges, edges[1:], strict=False))
     bad = (k for k, inside in enumerate(pieces) if _rms(rows[inside]) > FAR)
     until = float(edges[next(bad, PIECES)])
+    # With large residuals from the first piece on, no part of the record fits.
     if until == start:
         length = (end - start) / PIECES
         wrong = "the scene, the initial state or a unit is wrong, not the value of a parameter"
@@ -246,6 +271,7 @@ def _shorter_records(
                 f"fit either, {wrong}."
             )
     elif until < end:
+        # The first window is the part that fits, and the next ones are longer in small steps.
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
         grow = ", ".join(f"{one:.4g}" for one in ends)
         yield (
@@ -266,4 +292,5 @@ def _shorter_records(
 
 
 def _rms(row: Float[np.ndarray, " N"]) -> float:
+    """Return the root mean square of a row, 0 for an empty one."""
     return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

@@ -39,23 +39,26 @@ from ..simulation.step.settings import Settings, settings_or
 from ..simulation.step.spans import check_span, checked_times
 
 APART = 1e-7
-"""Time step, s, of the difference quotient for the rate of a delayed output: short compared with
-contacts, long compared with the rounding of times."""
+"""Time step, s, of the central difference that gives the rate of a delayed output: short compared
+with the duration of a contact, long compared with the rounding of times."""
 UNREACHED = 1e6
 """Residual, in standard deviations, of a sample that the run did not reach: large enough that an
 optimiser rejects the step."""
 
 
 class Experiment(eqx.Module):
-    """Runs of a scene for any values of its p parameters, with the outputs of the measurements.
+    """A scene with p parameters and measured quantities, to be run for many parameter values.
+
+    `experiment` makes it. All its runs share one compiled program.
 
     - `scheme`: formulation and integration method.
     - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
       `run` takes coordinates.
     - `outputs`: measured quantity by name; `names` has their order in arrays.
-    - `times`: (T,) s, rising; the last one is repeated up to one of a few lengths, so that programs
-      are reused.
-    - `delays`: index of each delay among the parameters, and the names of its outputs.
+    - `times`: (T,) s, rising: the times of the samples. The last one is repeated until T is 64,
+      512, 4096 and so on, so that records of similar length share a program.
+    - `delays`: for each delay among the parameters, its index, and the names of the outputs that it
+      delays.
     - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
     """
 
@@ -70,9 +73,18 @@ class Experiment(eqx.Module):
     delays: tuple[tuple[int, tuple[str, ...]], ...] = eqx.field(static=True, default=())
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
-        """Run at coordinates (p,) up to a time, s, and return outputs with their derivatives.
+        """Run the scene at coordinates (p,) of the parameters.
 
-        Outputs are taken at the times minus their delays. The run is longer for negative delays.
+        An output with a delay is evaluated at `times` minus this delay. With a negative delay, the
+        run continues for its amount beyond `end_time`.
+
+        **Arguments:** `end_time`: s, time of the last sample to compare.
+
+        **Returns:** by name of the output, `values` (T,) in SI at the T `times`, and `derivatives`
+        (T, p) by the coordinates, a delay's included. Numbers for times after `end_time` are
+        meaningless. Times may also be missed because the run fails early: without delays, `reached`
+        is false there, and the numbers are meaningless; with delays, `reached` is true throughout,
+        and the values of an output are NaN at the times that it misses.
         """
         if not self.delays:
             return self._sampled(coordinates, self.times, on_device(end_time))
@@ -82,6 +94,10 @@ class Experiment(eqx.Module):
         return _delayed(self, at, rising, indices, inside, sampled)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
+        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at rising times.
+
+        **Arguments:** `times`: (N,) s, at which every output is evaluated, whatever its delay.
+        """
         return sampled_compiled(
             self.scheme,
             self.family.at(coordinates),
@@ -111,11 +127,16 @@ def _instants(
     A delayed output is needed at the sample times minus its delay, and slightly before and after
     these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
 
-    **Arguments:** `coordinates`: (p,); `end_time`: s, time of the last sample to compare.
+    **Arguments:** `coordinates`: (p,) of the parameters; `end_time`: s, time of the last sample to
+    compare.
 
-    **Returns:** all N times, s; indices (1 + 3 D, T) in these, in the first row of the times
-    without delay, then three rows for each delay: of the delayed times, and of times slightly
-    earlier and later; (D, T) whether the delayed times are at or after the start; end, s.
+    **Returns:**
+
+    - (N,) all N = (1 + 3 D) T times, s, rising.
+    - (1 + 3 D, T) indices in these: a row for the times without delay, then three rows for each
+      delay, for the delayed times and for times `APART` earlier and later.
+    - (D, T) whether the delayed times are at or after the start of the run.
+    - () end of the run, s.
     """
     delays = [runs.delay(number, coordinates) for number, _ in runs.delays]
     # A series with a negative delay is compared with the motion after its last sample.
@@ -145,12 +166,12 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return outputs, (T,) each, and derivatives, (T, p) each, at the times minus their delays.
+    """Return outputs (T,) and derivatives (T, p) by name, at the times minus the outputs' delays.
 
     Outputs are NaN at times that the run did not reach.
 
-    **Arguments:** `rising`, `indices`, `inside`: from `_instants`; `sampled`: the run's outputs at
-    the `rising` times.
+    **Arguments:** `coordinates`: (p,) of the parameters; `rising`, `indices`, `inside`: times and
+    indices from `_instants`; `sampled`: the run's outputs at the `rising` times.
     """
     delay_of = {name: k for k, (_, names) in enumerate(runs.delays) for name in names}
     values, derivatives = {}, {}
@@ -167,11 +188,12 @@ def _delayed(
         # difference. Before the start the state is constant, so the rate is zero.
         change = output_values[after] - output_values[before]
         period = getattr(output, "period", None)
-        if period is not None:
+        if period is not None:  # An angle that jumps from pi to -pi has not changed by -2 pi.
             change = change - period * jnp.round(change / period)
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.family.scales[number]
+        # Chain rule: derivatives are by the delay's coordinate on its scale.
         slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
         values[name] = output_values[at]
         derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
@@ -192,10 +214,11 @@ def experiment(
     start_time: float,
     settings: Settings | None,
 ) -> Experiment:
-    """Return the runs of a scene for any values of its parameters.
+    """Return the `Experiment` that runs a scene for any values of its parameters.
 
-    **Arguments:** `outputs`: measured quantity by name; `times`: (N,) s, at which to evaluate them;
-    `settings`: by default `clearjoint.presets.derivatives`.
+    **Arguments:** `scene`, `state`, `parameters`, `start_time`, s: as in `identify`; `outputs`:
+    measured quantity by name; `times`: (N,) s, at which to evaluate them; `settings`: by default
+    `clearjoint.presets.derivatives`.
 
     **Raises:** `ValueError` for unsupported arguments.
     """
@@ -208,12 +231,13 @@ def experiment(
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
     delays = _delays(parameters, outputs)
-    # In the family of scenes, a delay is a parameter that changes nothing.
+    # For the scene, a delay is a parameter that changes nothing.
     still = MadeByFunction(unchanged, "s")
     in_scene = {
         name: Parameter(still, parameter.scale, value=0.0) if number in dict(delays) else parameter
         for number, (name, parameter) in enumerate(parameters.items())
     }
+    # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene, np.zeros(len(parameters)))
     return Experiment(
         scheme,
@@ -231,7 +255,10 @@ def experiment(
 def _delays(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, Quantity]
 ) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Return the index of each delay among the parameters, with the names of its outputs."""
+    """Return the index of each delay among the parameters, with the names of its outputs.
+
+    **Raises:** `ValueError` for a delay of an unknown output, or for two delays of one output.
+    """
     delays, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         if isinstance(parameter.variation, SeriesDelay):
@@ -260,8 +287,9 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 class Samples(eqx.Module):
     """Measurements of S series at the T times at which any of them has a sample.
 
-    - `values`: (S, T) in SI.
-    - `weights`: (S, T) inverse of the noise, zero where a series has no sample.
+    - `values`: (S, T) in SI, zero where a series has no sample.
+    - `weights`: (S, T) inverse of the noise's standard deviation, zero where a series has no
+      sample.
     - `periods`: period of each series, such as 2 pi for an angle, or ``None``.
     """
 
@@ -277,7 +305,7 @@ class Samples(eqx.Module):
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
         """Return a copy in which samples after `end_time`, s, have zero weight.
 
-        `times` (T,), s, are the times of all samples.
+        **Arguments:** `times`: s, times of the samples, T of them or more.
         """
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
@@ -288,6 +316,7 @@ class Samples(eqx.Module):
         A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
         """
         difference = predicted - self.values
+        # Of all values that differ by whole periods, the nearest counts.
         rows = [
             row if period is None else row - period * jnp.round(row / period)
             for row, period in zip(difference, self.periods, strict=True)
@@ -298,7 +327,11 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the series at all their times, padded to `count` times without samples."""
+    """Return the samples of all series on the common times of `Measurements.times`.
+
+    **Arguments:** `count`: number T of times, with those that pad `Experiment.times`; there are no
+    samples at these.
+    """
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -314,20 +347,23 @@ raised to this value, so that the variance of an undetermined direction stays fi
 
 
 def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of estimates, from derivatives (M, p) of the residuals by the
-    coordinates.
+    """Return the covariance (p, p) of the estimated coordinates, for small noise.
 
-    Variances of undetermined directions are large but finite.
+    Variances of combinations that the data don't determine are large but finite.
+
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
     return information.covariance(jacobian, SINGULAR)
 
 
 @dataclass(frozen=True)
 class RunMisfit:
-    """Residuals and their Jacobian from one run, for M = S T samples of S series at T times.
+    """Residuals and their Jacobian from one run, for S series at T times, M = S T.
+
+    Residuals and their derivatives are zero where a series has no sample.
 
     - `coordinates`: (p,) coordinates of the parameters.
-    - `residuals`: (M,) in standard deviations, series after series.
+    - `residuals`: (M,) in standard deviations of the noise, series after series.
     - `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     - `predicted`: (S, T) values of the outputs, SI.
     - `result`: `RESULTS` code of the run.
@@ -358,7 +394,8 @@ def run_misfit(
 ) -> RunMisfit:
     """Run the scene once and return its residuals and their Jacobian.
 
-    **Arguments:** `end_time`: s, end of the run; `coordinates`: (p,) of the parameters.
+    **Arguments:** `runs`: the scene to run; `data`: the samples to compare; `end_time`: s, time of
+    the last of them; `coordinates`: (p,) of the parameters.
     """
     run = runs.run(coordinates, end_time)
     values, jacobian = _weighted(runs, run, data)
@@ -375,8 +412,10 @@ def run_misfit(
 
 @Compiled
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
-    """Return residuals (M,) and their Jacobian (M, p), zero at times that were not
-    reached."""
+    """Return residuals (M,) and their Jacobian (M, p) by the coordinates.
+
+    At a sample that the run did not reach, the residual is `UNREACHED` and its derivatives zero.
+    """
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
     fine = run.reached & jnp.isfinite(values)

@@ -1,4 +1,4 @@
-"""Starts of searches: the user's guesses, and random starts around the first guess."""
+"""Starts of a fit's searches: the user's guesses, and random starts around the first guess."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -57,10 +57,13 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
-    """Return the spread of each parameter, (p,), in the order of `names`.
+    """Return half the width of the box in which starts or points are drawn, for each parameter.
 
-    A number is the spread of every parameter. A dictionary gives spreads by name; missing names get
-    zero.
+    **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
+    parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of
+    the p parameters.
+
+    **Returns:** (p,), in the order of `names`.
 
     **Raises:** `ValueError` for a name that is not in `names`.
     """
@@ -81,6 +84,9 @@ def start_coordinates(
 
     The rows are the guesses in their order, then the random starts around the first guess.
 
+    **Arguments:** `guess`: a guess, or several; parameters that it lacks, or all without a guess,
+    have their `Parameter.value`, by default the scene's; `starts`: ``None`` for no random starts.
+
     **Raises:** `ValueError` for a guess of an unknown parameter, outside its scale, or refused by
     the scene's elements.
     """
@@ -97,12 +103,15 @@ def start_coordinates(
     guessed = np.array(rows)
     if starts is None:
         return guessed
+    # The first row of `around` is the guess itself.
     return np.concatenate([guessed, starts.around(guessed[0], names)[1:]])
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
-    """Return the coordinate of a parameter's guessed value; without a guess, of its present
-    value."""
+    """Return the coordinate of a parameter's guess, or of its present value without a guess.
+
+    **Raises:** `ValueError`, with the name, for a value that the scale or the scene doesn't allow.
+    """
     try:
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
@@ -110,7 +119,7 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
             if not isinstance(parameter.variation, SeriesDelay):
                 setter = parameter.variation.setter(scene, state, value.item())
                 changed, _ = setter(scene, state, value.item())
-                recheck(changed)  # Raises the errors of the scene's constructors.
+                recheck(changed)  # Raises the errors of constructors here, not in a run.
             return coordinate
         return parameter.coordinate_in(scene, state)
     except ValueError as error:

@@ -1,7 +1,7 @@
 """Identifiability of parameters from planned measurements, by Cramér-Rao bounds.
 
 The bounds follow from the sensitivities of the sensors' outputs. The study
-`studies.identifiability` compares them with those of an event-exact solver.
+`studies.identifiability` compares them with those of a reference solver.
 """
 
 from collections.abc import Mapping
@@ -24,8 +24,8 @@ from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number, percent
 
 ACCURACY_OF_DERIVATIVES = 1e3
-"""Approximate ratio of the error of a sensitivity to `rtol`: on the pendulum it is 4e2 at 1e-9 and
-2e3 at 1e-11."""
+"""Approximate ratio of the relative error of a sensitivity to `rtol`: for the double pendulum it is
+4e2 at `rtol` 1e-9 and 2e3 at 1e-11."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Identifiability:
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
-        """Return the identifiability by the samples of the named sensors only.
+        """Return the identifiability from the samples of the named sensors only.
 
         **Raises:** `ValueError` for an unknown name, and without names.
         """
@@ -73,7 +73,7 @@ class Identifiability:
         return self._where(np.isin(self.sensors, sensors))
 
     def until(self, time: float) -> "Identifiability":
-        """Return the identifiability by the samples up to `time`, s, only.
+        """Return the identifiability from the samples up to `time`, s, only.
 
         **Raises:** `ValueError` if there are no samples up to this time.
         """
@@ -83,7 +83,7 @@ class Identifiability:
         return self._where(early)
 
     def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
-        """Return the identifiability by some samples only."""
+        """Return the identifiability from those of the M samples for which `chosen` is true."""
         sensors, times = self.sensors[chosen], self.sample_times[chosen]
         return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 
@@ -140,10 +140,9 @@ class Identifiability:
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """Largest standard deviations of the coordinates, (p,), of identifiable parameters.
+        """Standard deviation of each coordinate, (p,), above which it is not identifiable.
 
-        A coordinate with a larger one carries no information, see
-        `AbstractScale.uninformative_std`.
+        An estimate with a larger one carries no information, see `AbstractScale.uninformative_std`.
         """
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
@@ -161,7 +160,10 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """Condition number of the derivatives of all samples, with columns of unit length."""
+        """Condition number of `rows` with their columns scaled to unit length.
+
+        If it is large, the data hardly determine some combination of the parameters.
+        """
         return float(information.condition(self.root))
 
     @property
@@ -211,10 +213,12 @@ class Identifiability:
         return aligned(rows)
 
     def _combination_lines(self) -> list[str]:
-        """Return a line for each combination, and a line for each unidentifiable parameter."""
+        """Return the lines of a table of the combinations of parameters with their standard
+        deviations, then a line for each parameter that is not identifiable."""
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
+            # The limit is that of the parameter with the largest weight, which is 1.
             determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
             deviation = number(one.standard_deviation)
             rows.append((one.described(labels), deviation, "" if determined else "not determined"))
@@ -277,10 +281,12 @@ def identifiability_from(
 ) -> Identifiability:
     """Return the `Identifiability` of parameters from the derivatives of a run.
 
+    `fit_horizon` also calls it, because it has made a run with derivatives already.
+
     **Arguments:**
 
-    - `run`: run with the sensors' outputs at all their times. Its first p derivatives are by the
-      parameters.
+    - `run`: run with the sensors' outputs at all their times. The first p columns of its
+      derivatives are by the parameters' coordinates; others are not used.
     - `parameters`: the p parameters by name.
     - `coordinates`: (p,) coordinates of the parameters in that run.
     - `sensors`: the sensors by name.
@@ -290,6 +296,7 @@ def identifiability_from(
     for name, sensor in sensors.items():
         at = np.searchsorted(run.times, sensor.times)
         columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+        # (N, channels, p): a sample of each channel at each of the sensor's N times.
         scaled = np.stack(columns, axis=1) / sensor.noise[:, None, None]
         rows.append(scaled.reshape(-1, p))
         times.append(np.repeat(sensor.times, len(columns)))

@@ -1,8 +1,9 @@
 """Growth of small differences between motions, measured by displacements of points of the bodies.
 
-Four points of each body are used: its centre of mass, and a point on each body axis at the root
-mean square distance of the body's mass from that centre. The size of a displacement is the root
-mean square over all points, m, per unit of a parameter.
+A difference is the derivative of the motion by a parameter, such as a perturbation of the initial
+velocity. Four points of each body are used: its centre of mass, and a point on each body axis at
+the radius of gyration, the root mean square distance of the body's mass from that centre. The size
+of a displacement is the root mean square over all points, m, per unit of the parameter.
 """
 
 from collections.abc import Mapping
@@ -25,15 +26,16 @@ from ..quantities.joints import Penetration
 DISTURBANCE = "initial velocity"
 """Name of the parameter that perturbs the initial state."""
 DIRECTION = (0.53, 0.62, 0.58)
-"""Direction of the perturbing velocity: a unit vector that is not along an axis."""
+"""Direction of the perturbing velocity: a unit vector along no axis, so that it has a part in
+motions along every axis."""
 
 
 @dataclass(frozen=True)
 class _Push:
-    """Variation that adds a velocity, m/s, and a spin that gives points a similar speed.
+    """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
-    They are added to every body. The result is projected on the velocities that the ideal joints
-    allow.
+    Every body gets the same additional velocity, and a spin that moves points at its radius of
+    gyration with this speed. The result is projected on the velocities that the ideal joints allow.
 
     - `radii`: pairs of a body's name and its radius of gyration, m.
     """
@@ -53,15 +55,20 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return a perturbation of the initial velocity, m/s, as a parameter with the value zero.
+    """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
 
-    During the run, the stabilisation of drivers and of joints in closed loops reduces it.
+    Its value is zero; derivatives by it show how small differences grow. The stabilisation of
+    drivers and of joints in closed loops reduces the perturbation during the run, because it may
+    violate their constraints.
     """
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the coordinates of four points of each body, m, as quantities by name."""
+    """Return the global coordinates of four points of each body, m, as quantities by name.
+
+    They are its centre of mass, and a point on each body axis at its radius of gyration.
+    """
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):

@@ -5,7 +5,8 @@ units of their noise. The inverse of F bounds the covariance of every unbiased e
 Rao), and it is the covariance of least squares for small noise. Computing F would lose half of the
 digits, and with them combinations that the data hardly determine. Functions here therefore take a
 root R (p, p) with R^T R = F, which follows from a QR decomposition of J. An argument `roots` may be
-a stack (..., p, p) of roots.
+a stack (..., p, p) of roots. Parameters are given by coordinates, their values on scales such as a
+logarithm.
 """
 
 from collections.abc import Sequence
@@ -32,8 +33,12 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
     """Return roots (T, p, p) of the information of the first rows, for T numbers of rows.
 
+    They tell how the accuracy of estimates improves with the length of a record.
+
     **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers of rows, rising.
     """
+    # The root of the rows so far and the new rows have the same information as all rows, so that
+    # each row enters only one decomposition.
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
     for end in ends:
@@ -44,7 +49,7 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
 
 
 def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the standard deviations if all parameters are estimated.
+    """Return lower bounds (..., p) of the parameters' standard deviations if all are estimated.
 
     The bound is infinite for a parameter that is part of an undetermined combination. A combination
     is undetermined if its singular value is at most `accuracy` times the largest one, with the
@@ -64,7 +69,7 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
 
 
 def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the standard deviations if one parameter is estimated.
+    """Return lower bounds (..., p) of the parameters' standard deviations if one is estimated.
 
     The bound of each parameter assumes that the values of all others are known. It is infinite if
     the parameter has no effect on the data.
@@ -87,7 +92,8 @@ def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
     """Return the condition number (...) of the derivatives J with columns of unit length.
 
-    The condition number of F is the square of this number.
+    If it is large, the data hardly determine some combination of the parameters. The condition
+    number of F is the square of this number.
     """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -95,11 +101,11 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 
 
 def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of estimates of the parameters.
+    """Return the covariance (p, p) of estimates of the parameters, the inverse of F.
 
     **Arguments:** `rows`: derivatives (N, p), or a root (p, p); `floor`: smallest singular value
-    relative to the largest, for columns of unit length. Smaller ones are raised to this value.
-    With zero, the covariance of a singular information is NaN.
+    relative to the largest, for columns of unit length. Smaller ones are raised to this value, so
+    that the covariance is finite. With zero, the covariance of a singular F is NaN.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, floor * max(values[0], 1.0))
@@ -123,11 +129,11 @@ def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p
 class Combination:
     """A weighted sum of the parameters' coordinates.
 
-    - `weights`: (p,), the largest has the absolute value 1.
+    - `weights`: (p,), scaled so that the largest absolute value is 1.
     - `standard_deviation`: lower bound of the sum's standard deviation; infinite if the data don't
       determine the sum.
-    - `shares`: (p,) share of each parameter's variance due to the uncertainty of this sum; NaN if
-      the parameter's variance is infinite.
+    - `shares`: (p,) share of each parameter's variance that the uncertainty of this sum causes; NaN
+      if the parameter's variance is infinite.
     """
 
     weights: Float[np.ndarray, " p"]
@@ -135,7 +141,10 @@ class Combination:
     shares: Float[np.ndarray, " p"]
 
     def described(self, names: Sequence[str]) -> str:
-        """Return the sum as text, such as "log K + 2 log c", with labels of the coordinates."""
+        """Return the sum as text, such as "log K + 2 log c", without negligible terms.
+
+        **Arguments:** `names`: labels of the p coordinates.
+        """
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
@@ -148,9 +157,10 @@ class Combination:
 
 
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
-    """Return combinations of the coordinates with independent estimates, the most accurate first.
+    """Return p combinations of the coordinates with independent estimates, the most accurate first.
 
-    They are the eigenvectors of the information.
+    They are the eigenvectors of the information. Those at the end tell which changes of several
+    parameters together the data cannot see.
 
     **Arguments:** `root`: root (p, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -174,9 +184,11 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Return column norms (..., p), and singular values and vectors for columns of unit length.
+    """Return the norms of the columns of roots (..., r, p), and a singular value decomposition of
+    the roots with their columns scaled to unit length.
 
-    Singular values are (..., k) and right singular vectors (..., k, p).
+    **Returns:** norms (..., p), singular values (..., k), the largest first, and right singular
+    vectors (..., k, p), for k = min(r, p).
     """
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
@@ -186,6 +198,8 @@ def _equilibrated(
 
 def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
     """Return whether singular values are negligible, (..., k).
+
+    The data don't determine the combinations of parameters that belong to them.
 
     **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
     of the derivatives.

@@ -1,9 +1,10 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. This growth makes parameters visible in data, but it
-limits a fit in two ways. In records of some length, the run of a wrong guess has another sequence
-of impacts than the data, and the fit may end in wrong parameters. In longer records, integration
-errors grow until a run differs from the true motion for its parameters.
+Such a fit compares all samples with one run from the initial state, and searches the parameters for
+which they agree. Small differences grow from impact to impact. This growth makes parameters visible
+in data, but it limits a fit in two ways. In records of some length, the run of a wrong guess has
+another sequence of impacts than the data, and the fit may end in wrong parameters. In longer
+records, integration errors grow until a run differs from the true motion for its parameters.
 
 The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. Its
 path is the straight line from the guess to the truth, in the parameters' coordinates. If the misfit
@@ -40,16 +41,18 @@ PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
 DERIVATIVE_ERROR = 0.1
-"""Relative error of derivatives from which on a fit can't use them."""
+"""Relative error of derivatives above which they count as useless for a fit."""
 ALL_CORNERS = 3
-"""Largest number of parameters for which all corners are tested; for more, eight random ones."""
+"""Largest number of parameters for which guesses with all parameters wrong are tested in every
+combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
-"""Cosine of the angle between residuals and their derivatives below which a path is flat."""
+"""Absolute cosine of the angle between the residuals and their derivatives along a path, below
+which the misfit counts as constant along the path."""
 
 
 @dataclass(frozen=True)
 class WrongGuess:
-    """A wrong guess, and the records for which a fit can't descend from it to the truth.
+    """A wrong guess, and the records for which a fit from it may not find the truth.
 
     - `offsets`: (p,) coordinates of the guess minus those of the truth.
     - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
@@ -64,7 +67,10 @@ class WrongGuess:
 
 @dataclass(frozen=True)
 class FitHorizon:
-    """Longest record that a fit by a single run can use, and the accuracy of longer records.
+    """Longest record that a fit by a single run can use, and what limits it.
+
+    Such a fit compares all samples with one run from the initial state. A coordinate is a
+    parameter's value on its scale, such as the logarithm of the value.
 
     - `times`: (T,) s, times of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
@@ -72,12 +78,13 @@ class FitHorizon:
       m/s.
     - `rate`: 1/s, rate of exponential growth of this last column since the first contact.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
-      outputs. It is the difference from a run with ten times the tolerance.
+      outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
     - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
-    - `guesses`: wrong guesses, with the records for which a fit from them fails.
-    - `information`: accuracy that the data allow over time.
+    - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
+      may fail.
+    - `information`: smallest standard deviations that the data allow, also for shorter records.
 
     `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
     the record.
@@ -148,7 +155,8 @@ class FitHorizon:
             )
 
     def __str__(self) -> str:
-        """Return limits, guesses, and standard deviations by length of the record, as text."""
+        """Return the report as text: limits, wrong guesses, and standard deviations of the
+        parameters by length of the record."""
         end = float(self.times[-1])
         limits = [
             f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "
@@ -180,7 +188,7 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
-    """Return the end of a record, given in s, as text in ms."""
+    """Return text on the end of a record, s: "up to" the time in ms, "to the end" if infinite."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
@@ -196,16 +204,19 @@ def fit_horizon(
 ) -> FitHorizon:
     """Compute the longest record of a motion that a fit by a single run can use.
 
-    Two runs, one of them with ten times the tolerance, estimate the integration error. For each
-    wrong guess four more runs follow the path to the truth. There are two guesses for each
-    parameter and, with several parameters, eight (for two, four) with all of them wrong.
+    The parameters' values are taken as the truth. Two runs with these values, one of them with ten
+    times the tolerance, estimate the integration error. For each of several wrong guesses, four
+    more runs, at the guess and at points between it and the truth, test whether the misfit falls
+    all the way.
+    There are two guesses for each parameter, too large and too small. With two parameters there are
+    four more with both of them wrong, and with more parameters eight with all of them wrong.
 
     **Arguments:**
 
     - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
       `identifiability`; the run ends at the last sample.
-    - `uncertainty`: largest error of a first guess by parameter, in the scale's coordinate: log(5)
-      for a factor of five on a `Log` scale.
+    - `uncertainty`: largest error of a first guess, by name of the parameter, in the coordinate of
+      its scale: log(5) for a factor of five on a `Log` scale.
 
     **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
 
@@ -282,12 +293,14 @@ def fit_horizon(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds (T,) of the errors of a run's values and derivatives.
+    """Return bounds (T,) of the errors of a run's values, and of its derivatives by the parameters.
 
-    The error of the values is in units of the noise, the error of the derivatives is relative.
+    The error of the values is in units of the noise, the largest of all outputs. The error of the
+    derivatives is relative, the largest of all parameters.
 
     **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
-    `weights`: weights (T,) of the outputs; `p`: number of derivatives to compare.
+    `weights`: weights (T,) of the outputs by name, the inverse of the noise; `p`: number of
+    parameters, whose derivatives come first.
     """
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
@@ -329,14 +342,14 @@ def _wrong_guess(
     offset: np.ndarray,
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
-    """Return a wrong guess and the records with which a fit from it fails.
+    """Test for which records the misfit falls all the way from a wrong guess to the truth.
 
     **Arguments:**
 
     - `run_at`: function that runs the scene at coordinates (p,) of the parameters.
     - `true_run`: run at the coordinates `truth`, (p,).
     - `offset`: (p,) guess less truth, in coordinates.
-    - `weights`: weights (T,) of the outputs by name.
+    - `weights`: weights (T,) of the outputs by name, the inverse of the noise.
     """
     times = true_run.times
     true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
@@ -344,7 +357,7 @@ def _wrong_guess(
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = run_at(truth + fraction * offset)
-        n = len(run.times)
+        n = len(run.times)  # Fewer than those of the true run if this run failed.
         values = {name: run.values[name] * weight[:n] for name, weight in weights.items()}
         along = {
             name: (run.derivatives[name][:, : len(offset)] @ offset) * weight[:n]
@@ -360,18 +373,20 @@ def blocked_records(
     slopes: Mapping[str, np.ndarray],
     count: int,
 ) -> Bool[np.ndarray, " count"]:
-    """Return whether the misfit rises towards the truth at a point of a path, (count,).
+    """Return for which records the misfit rises towards the truth at a point of a path, (count,).
 
-    Entry k is for the record of the first k + 1 samples. A misfit below the noise doesn't block a
-    fit. Neither does a flat one: before the first impact, the run doesn't depend on the clearance,
-    but in a longer record it does.
+    Such a rise may block a fit. Entry k is for the record up to the time of sample k + 1. A misfit
+    below the noise doesn't block a fit. Neither does one that is constant along the path: before
+    the first impact, the run doesn't depend on the clearance, but in a longer record it does.
 
-    **Arguments:** by output, in units of its noise:
+    **Arguments:** values and derivatives by name of the output, in units of its noise, zero at
+    times without a sample:
 
     - `truth`: (count,) values at the truth.
     - `values`: (n,) values at the point. If the run failed early, n < count, and longer records are
       blocked.
     - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
+    - `count`: number of times in the whole record.
     """
     n = min(len(row) for row in values.values())
     residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
@@ -379,8 +394,9 @@ def blocked_records(
     slope = np.cumsum((residuals * along).sum(axis=0))
     misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
     is_blocked = np.ones(count, bool)
-    # Scaled by the norms, the slope is the cosine of an angle: a path is flat by direction, not by
-    # size.
+    # A negative slope means that the misfit rises towards the truth. Divided by the norms, the
+    # slope is the cosine of an angle, so that the limit does not depend on the size of the misfit.
+    # A misfit up to 1 is within the noise.
     is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
     return is_blocked
 

@@ -18,7 +18,7 @@ class SampledChannel(Protocol):
 
     @property
     def channel(self) -> Quantity:
-        """The measured quantity, a scalar function of an `Instant`."""
+        """The measured quantity: a scalar function of an `Instant`, the motion at one time."""
         ...
 
     @property
@@ -38,8 +38,8 @@ class Sensor:
 
     **Arguments:**
 
-    - `channels`: one scalar function of an `Instant`, or a list or tuple of them, such as those of
-      `clearjoint.quantities`.
+    - `channels`: a measured quantity, or a list or tuple of them. A quantity is a scalar function
+      of an `Instant`, the motion at one time, such as those of `clearjoint.quantities`.
     - `times`: (N,) s, strictly rising.
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
@@ -67,6 +67,10 @@ class Sensor:
 
 
 def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray) -> None:
+    """Check the arguments of a `Sensor`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     functions = len(channels) > 0 and all(callable(channel) for channel in channels)
     expected = "scalar functions of an Instant"
     require(functions, "channels", channels, expected, "pass one or several of cj.quantities")
@@ -97,6 +101,8 @@ Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     """Return sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
+
+    A series becomes a sensor with its channel, times and noise; its values are not used.
 
     **Raises:** `ValueError` for other types, and for a channel of an element that the scene lacks.
     """

@@ -6,7 +6,11 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns from its rows, the head first."""
+    """Return the lines of a table with aligned columns.
+
+    **Arguments:** `rows`: the texts of each row, of equal number; the first row is the head, and
+    the first text of every row its label.
+    """
     import pandas as pd
 
     (corner, *head), *body = rows

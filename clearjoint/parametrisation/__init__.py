@@ -1,2 +1,2 @@
-"""Numbers of a scene, selected by paths: list, replace, scale and vary numbers, and make the scene
-and initial state from parameters. This package runs no simulation."""
+"""Parameters of a scene: paths that select its numbers, the scales on which a fit changes these,
+and scenes and initial states as functions of parameters. This package runs no simulation."""

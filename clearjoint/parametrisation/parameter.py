@@ -25,21 +25,21 @@ from .variations import (
 class Parameter:
     """A number of the scene that a fit estimates, and the scale of the estimate.
 
+    A parameter may also be a number of the initial state (`Parameter.initial`), a value from which
+    a function makes scene and state (`Parameter.change`), or the unknown delay of the time stamps
+    of measured series (`Parameter.delay`).
+
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
-      them: they share one value.
+      ``lambda scene: scene.joints["pin"].clearance``, or an `AbstractVariation`. A path that
+      returns several numbers ties them: they share one value.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
       numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
       coordinates, and derivatives are with respect to them.
     - `value`: first guess, SI; by default the value in the scene.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
       in the scene.
-
-    `Parameter.initial` takes a path in the initial state, `Parameter.change` a function that makes
-    scene and state from a value, and `Parameter.delay` the names of measured series whose clock is
-    late.
 
     **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
 
@@ -113,10 +113,10 @@ class Parameter:
         - `value`: first guess, s.
         - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
 
-        A sample that the delay moves to a time before the start of the run is compared with the
+        A sample whose time less the delay is before the start of the run is compared with the
         initial state: leave out these samples by `Measurements.between`. A delay common to all
         series is identifiable only if the initial state is known, or if the motion depends on
-        time itself and not only on the time since its start.
+        time itself, for example by a driver, and not only on the time since its start.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value
@@ -128,7 +128,9 @@ class Parameter:
         return Parameter(SeriesDelay(series), scale, value=value)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """Return the scale's coordinate of `value`, or of the scene's value if `value` is ``None``.
+        """Return the coordinate of `value` on the parameter's scale.
+
+        If `value` is ``None``, the result is the coordinate of the number in the scene or state.
 
         **Raises:** `ValueError` for a value that the scale doesn't allow.
         """
@@ -143,7 +145,7 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check that the argument is a dictionary of `Parameter` by name.
+    """Check that `parameters` is a dictionary of `Parameter` by name.
 
     **Raises:** `ValueError` that names the wrong entry.
     """

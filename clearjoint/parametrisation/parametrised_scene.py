@@ -25,13 +25,14 @@ Coordinates = jax.Array | np.ndarray
 class ParametrisedScene(eqx.Module):
     """A scene and its initial state, in which p parameters set or change some of the numbers.
 
-    - `values`: (p,) coordinates of the parameters on their scales.
+    - `values`: (p,) coordinates of the parameters on their scales, where derivatives are computed.
     - `base`: scene and initial state before any change.
     - `changes`: for each parameter, a function of scene, state and value that returns the changed
       scene and state.
     - `scales`: for each parameter, the map from coordinate to value.
-    - `patterns`: for each leaf of the scene, which components of a vector are folded constants, or
-      ``None``.
+    - `patterns`: folded constants of the scene: components of its vectors and matrices that are
+      exactly 0 or 1 and compiled as such. For each leaf, a tuple of the components' values, with
+      ``None`` for those that are not folded; or ``None`` for a leaf without any.
     """
 
     values: Coordinates
@@ -60,6 +61,7 @@ class ParametrisedScene(eqx.Module):
         **Returns:** a PyTree of booleans with the structure of the scene.
         """
         structure = jax.tree.structure(self.base[0])
+        # If all parameters are numbers, their locations tell which leaves change.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
             set_value = {
@@ -68,7 +70,8 @@ class ParametrisedScene(eqx.Module):
             return jax.tree.unflatten(
                 structure, [k in set_value for k in range(structure.num_leaves)]
             )
-        # A user's function may change any leaf: a leaf that it changes becomes a tracer.
+        # A user's function may change any leaf. JAX traces the functions here without computing
+        # numbers, and each leaf that depends on a parameter becomes a tracer.
         is_traced: list[bool] = []
 
         def trace(values: jax.Array) -> jax.Array:
@@ -80,7 +83,10 @@ class ParametrisedScene(eqx.Module):
         return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
-        """Return the scene at coordinates (p,) in separate scalars, with its folded constants."""
+        """Return the scene at coordinates (p,), each vector and matrix as separate scalars.
+
+        Folded constants are Python numbers, and operations with them are left out while JAX traces.
+        """
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
@@ -94,6 +100,9 @@ class ParametrisedScene(eqx.Module):
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
         """Compute a function of the scene and its derivatives by the parameters, in forward mode.
+
+        Parameters enter the function in two ways: through the scene, and through `primals`, earlier
+        results of a run, whose derivatives `tangents` are known.
 
         **Arguments:**
 
@@ -129,12 +138,15 @@ def parametrised(
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters.
 
-    `values`: (p,) coordinates at which derivatives are computed.
+    **Arguments:** `scene`, `state`: those that the parameters change; `parameters`: by name, in the
+    order of the coordinates; `values`: (p,) coordinates at which derivatives are computed.
     """
     scene, state = with_arrays((scene, state))
+    # The example 0.0 says that all values are single numbers.
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
     scales = tuple(p.scale for p in parameters.values())
-    # Constants are folded only in leaves that no parameter changes, which a first family tells.
+    # Constants are folded only in leaves that no parameter changes. A first object without folded
+    # constants finds these leaves.
     family = ParametrisedScene(values, (scene, state), changes, scales, ())
     patterns = fold_constants(scene, family.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)

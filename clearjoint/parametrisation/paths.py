@@ -23,6 +23,7 @@ NumberPath = Callable[[PyTree], PyTree]
 """Function that receives a scene or a state and returns one of its numbers, or several numbers that
 are tied."""
 Index = int | slice | EllipsisType
+"""Index of one axis of an array."""
 Leaf = jax.Array | np.ndarray | float
 """A number or an array of a scene or a state."""
 
@@ -30,6 +31,8 @@ Leaf = jax.Array | np.ndarray | float
 @dataclass(frozen=True)
 class Number:
     """Location of a number in a scene or a state, which are PyTrees.
+
+    Indexing a location, as in ``location[1]``, returns the location of a component.
 
     - `leaf`: index of the array in the list of `jax.tree.leaves`.
     - `component`: indices into that array; empty for the whole array.
@@ -59,6 +62,8 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
     except TypeError as error:
+        # The path computes with a location, which supports no arithmetic. The check below refuses
+        # everything that is not a location, and shows this error.
         numbers = [error]
     require(
         bool(numbers) and all(isinstance(number, Number) for number in numbers),
@@ -72,10 +77,15 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
 
 @lru_cache(maxsize=256)
 def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
+    """Return a tree of the given structure, in which each leaf is its own location."""
     return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
+    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest known name.
+
+    **Arguments:** `tree`: scene or state; `error`: raised by the path, with the unknown name.
+    """
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
     known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
@@ -90,7 +100,10 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
 
 
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
-    """Return the tree with another value at a path, without the checks of its constructors.
+    """Return a copy of a scene or state with another value at a path.
+
+    Only the shape of the value is checked. The constructors' checks, such as that a mass is
+    positive, are not repeated.
 
     **Raises:** `ValueError` if the value has another shape than the number that it replaces.
 
@@ -142,6 +155,10 @@ def value_at(tree: PyTree, path: NumberPath) -> Leaf:
 
 
 def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
+    """Return the shape of a leaf, or of its component.
+
+    **Raises:** `ValueError` if the leaf has no such component.
+    """
     try:
         return jnp.shape(leaf[component] if component else leaf)
     except IndexError as error:
@@ -152,8 +169,10 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
 
 
 def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
+    """Return a copy of a leaf with `value` at a component, or `value` for an empty `component`."""
     if not component:
         return value
+    # Numbers that JAX traces can only be set by JAX. NumPy, otherwise, compiles nothing.
     if concrete(leaf) is None or concrete(value) is None:
         return jnp.asarray(leaf).at[component].set(value)
     array = np.array(leaf)
@@ -181,7 +200,10 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`."""
+    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
+
+    **Arguments:** `tree`: scene or state, or a part of it; `name`, `unit`: those of this part.
+    """
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):

@@ -20,9 +20,9 @@ from ..math.vectors import Scalar, library
 class AbstractScale(abc.ABC):
     """A map from the real numbers, the coordinates, to the values that a parameter may have.
 
-    A subclass defines `value`, `coordinate` and `max_step`, the largest change of the coordinate in
-    one step of a fit. Fields of a scale, such as bounds, are constants of the compiled program: a
-    scale with other fields causes a recompilation.
+    A subclass defines `value`, its inverse `coordinate`, and `max_step`, the largest change of the
+    coordinate in one step of a fit. Fields of a scale, such as bounds, are constants of the
+    compiled program: a scale with other fields causes a recompilation.
 
     ```python
     from dataclasses import dataclass
@@ -45,6 +45,8 @@ class AbstractScale(abc.ABC):
     """
 
     max_step: ClassVar[float]
+    """Largest change of the coordinate in one step of a fit, which keeps a parameter that the data
+    hardly determine from running away; infinite for no limit."""
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
@@ -63,9 +65,13 @@ class AbstractScale(abc.ABC):
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return the standard deviation of the coordinate from which on an estimate says nothing.
+        """Return the standard deviation of the coordinate above which an estimate carries no
+        information.
 
-        The default is 1, the usual size of coordinates.
+        A parameter with a larger one counts as not identifiable. The default is 1, the usual size
+        of coordinates: on a `Log` scale, an uncertainty by a factor of e.
+
+        **Arguments:** `coordinate`: estimated coordinate.
         """
         return 1.0
 
@@ -78,6 +84,8 @@ class AbstractScale(abc.ABC):
 @dataclass(frozen=True)
 class Linear(AbstractScale):
     """Scale of any value: value = unit * coordinate.
+
+    The steps of a fit are not limited.
 
     **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
 
@@ -100,7 +108,7 @@ class Linear(AbstractScale):
         return _finite(value) / self.unit
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)): a relative error of 1, but at least `unit`."""
+        """Return max(1, abs(coordinate)): an error as large as the value, but at least `unit`."""
         return max(1.0, abs(float(coordinate)))
 
     def label(self, name: str) -> str:
@@ -111,6 +119,8 @@ class Linear(AbstractScale):
 @dataclass(frozen=True)
 class Log(AbstractScale):
     """Scale of positive values: value = exp(coordinate).
+
+    One step of a fit changes the value by a factor of e at most.
 
     >>> scale = cj.Log()
     >>> print(f"{scale.coordinate(1.0):.1f}, {scale.value(0.0):.1f}")
@@ -140,6 +150,8 @@ class Log(AbstractScale):
 @dataclass(frozen=True)
 class Bounded(AbstractScale):
     """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
+
+    One step of a fit changes the coordinate by 1 at most.
 
     **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
 
@@ -177,8 +189,11 @@ class Bounded(AbstractScale):
         return math.log((number - self.low) / (self.high - number))
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return pi/sqrt(3), the standard deviation of the coordinate of a value that is uniformly
-        distributed between the bounds."""
+        """Return pi/sqrt(3), about 1.8, for every coordinate.
+
+        This is the standard deviation of the coordinate if only the bounds are known, with a value
+        that is uniformly distributed between them.
+        """
         return math.pi / math.sqrt(3.0)
 
     def label(self, name: str) -> str:
@@ -187,5 +202,9 @@ class Bounded(AbstractScale):
 
 
 def _finite(value: Scalar | np.ndarray) -> float:
+    """Return a value as a float.
+
+    **Raises:** `ValueError` unless it is a single finite number.
+    """
     require_shape("value", value, (), "pass a single number")
     return float(value)

@@ -1,4 +1,5 @@
-"""Variations: ways in which one value, of a sweep's axis or a fit's parameter, enters a run.
+"""Variations: the different ways in which a value of a sweep's axis or of a fit's parameter enters
+a run.
 
 The value may be a number of the scene, a number of the initial state, the argument of a function
 that makes both, or the delay of a measured series.
@@ -25,12 +26,18 @@ state) with that value."""
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way in which a value changes a scene and its initial state."""
+    """A way in which a value changes a scene and its initial state.
+
+    An axis of a sweep, and a parameter of a fit, has one.
+    """
 
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function: the path of a number, or the function that makes scene and state."""
+        """The user's function: the path of a number, or the function that makes scene and state.
+
+        Results of sweeps are labelled with a description of it.
+        """
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -38,10 +45,12 @@ class AbstractVariation(abc.ABC):
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a function that sets values of the shape of `example`.
+        """Return a function of a scene, a state and a value that returns scene and state with the
+        value.
 
-        It accepts scenes and states of the same structure as `scene` and `state`. Equal variations
-        return equal setters for equal structures.
+        It accepts scenes and states of the same structure as `scene` and `state`, and values of the
+        shape of `example`. Equal variations return equal functions for equal structures, so that
+        JAX reuses compiled programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape.
         """
@@ -53,6 +62,7 @@ class AbstractNumber(AbstractVariation):
 
     - `path`: function of the scene or state that returns the number.
     - `unit`: text that labels the value; ``None`` for the number's SI unit.
+    - `example`: source of such a path, for error messages.
     """
 
     path: NumberPath
@@ -135,7 +145,7 @@ class MadeByFunction(AbstractVariation):
         return self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return `make`, which accepts every scene."""
+        """Return `make`. No argument is needed, because the user's function accepts every scene."""
         del scene, state, example
         return self.make
 

@@ -1,14 +1,16 @@
 r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
-The nominal value \(\theta\) is the middle of a stated distribution of manufacture, so that the
-expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even where f is not.
+A parameter varies between manufactured specimens by a known distribution, whose middle is the
+nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
+\sigma z)]\) over the random numbers z is smooth even where f is not.
 
 - Normal distribution: by Stein's identity, \(J' = E[f z] / \sigma\), the coefficient of z in a
   regression of f on Hermite polynomials of z (divided by \(\sigma\)). The regression is the
   likelihood-ratio method with control variates: the other polynomials reduce the variance and leave
   the expectation as it is.
 - Uniform distribution: \(J' = (E[f | z = 1] - E[f | z = -1]) / (2 \sigma)\), exactly, where
-  \(\sigma\) is half the width. The two runs of a pair share the start and all other parameters.
+  \(\sigma\) is half the width. Runs are made in pairs, one at each end of the distribution, with
+  the same start and the same values of all other parameters.
 """
 
 from collections.abc import Callable, Mapping
@@ -38,7 +40,8 @@ LEAST_RUNS = 10
 
 
 class Estimates(NamedTuple):
-    """Derivatives (p,) of a mean by the standardised parameters, and their standard errors (p,)."""
+    """Derivatives (p,) of a mean by the centres of the parameters' distributions, and their errors
+    (p,), as standard deviations."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -59,7 +62,7 @@ def statistics_derivatives(
     start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
-    """Estimate the derivatives of the outputs' means by nominal values, with intervals.
+    """Estimate the derivatives of the outputs' means by nominal values, with confidence intervals.
 
     The means are over the tolerances of manufacture and over starts that differ by less than a
     measurement can resolve. The method holds for chaotic motions, whose own derivatives grow
@@ -69,20 +72,20 @@ def statistics_derivatives(
 
     - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
-    - `uncertain`: the p parameters, `Uncertain` by name. A `deviation` needs no runs of its own,
-      whatever the number of parameters; each `half_width` or `between` takes `members` further
-      runs.
-    - `members`: number of runs, each with its own draw of all parameters, even; at least 10 for
-      each of the 1 + 3 p + p (p - 1)/2 coefficients of the regression.
+    - `uncertain`: the p parameters, `Uncertain` by name. All those with a `deviation` share the
+      same runs; each one with a `half_width` or `between` takes `members` further runs.
+    - `members`: number of runs with their own draws of all parameters. It must be even, because the
+      further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
+      of the regression.
     - `disturbance`, `seed`: of the starts, as in `ensemble`.
     - `confidence`: level of the intervals, between 0 and 1.
 
     **Returns:** an `xarray.Dataset`. For each output "force", ``force_mean`` and
     ``force_standard_error`` are scalars; ``force_derivative``,
     ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
-    interval) are along "parameter". Derivatives are with respect to the nominal coordinates of the
-    parameters' scales: for `Log`, of the logarithm. ``failed`` counts the failed runs, which are
-    left out.
+    interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
+    parameters' scales: for `Log`, to the logarithm of the nominal value. ``failed`` counts the
+    failed runs, which are left out.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -117,7 +120,9 @@ def statistics_derivatives(
     )
     from scipy.special import ndtri
 
+    # Half the width of an interval, in standard errors.
     factor = float(ndtri(0.5 * (1.0 + confidence)))
+    # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
     normal = np.array([one.is_normal for one in uncertain.values()])
     variables: dict[str, Labelled] = {}
@@ -125,6 +130,7 @@ def statistics_derivatives(
         unit = results[name].attrs.get("units", "1")
         found = estimate(draws, values, members, normal)
         scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
+        # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         variables |= _labelled(name, unit, sample, scaled, factor)
     failed = int((results["result"].values != 0).sum())
@@ -144,9 +150,11 @@ def statistics_derivatives(
 def _labelled(
     name: str, unit: str, sample: np.ndarray, found: Estimates, factor: float
 ) -> dict[str, Labelled]:
-    """Return mean and derivatives of an output, with their errors and intervals, by name.
+    """Return the mean of an output and its derivatives, with errors and intervals, by name.
 
-    `sample`: values of the output; `factor`: half the width of an interval, in standard errors.
+    **Arguments:** `name`, `unit`: of the output; `sample`: its values in independent runs;
+    `found`: derivatives by the nominal coordinates; `factor`: half the width of an interval, in
+    standard errors.
     """
     derivatives, errors = found
     along = {
@@ -164,6 +172,10 @@ def _labelled(
 
 
 def _check_members(members: int, parameters: int) -> None:
+    """Check that there are enough runs for the regression.
+
+    **Raises:** `ValueError` for an odd number, or for too few.
+    """
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")
     coefficients = 1 + 3 * parameters + parameters * (parameters - 1) // 2
@@ -172,8 +184,12 @@ def _check_members(members: int, parameters: int) -> None:
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
-    """Return standardised coordinates (runs, p): `members` independent draws, and for each uniform
-    parameter as many more, in pairs that differ only in this parameter, 1 and -1."""
+    """Return the standardised coordinates (runs, p) of all runs.
+
+    The first `members` rows are independent draws. Then come as many rows for each parameter with a
+    uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
+    """
+    # With the seed alone, the draws would come from the same random numbers as `_directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
     ones = list(uncertain.values())
 
@@ -191,7 +207,10 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
 
 
 def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
-    """Return a random direction of the start for each run; runs of a pair share theirs."""
+    """Return random directions (runs, v) of the disturbances of the starts, as in `directions`.
+
+    The two runs of a pair, which come after the first `members` runs, share their direction.
+    """
     along = directions(scene, runs, seed)
     along[members + 1 :: 2] = along[members::2]
     return along
@@ -203,24 +222,28 @@ def estimate(
     members: int,
     normal: np.ndarray,
 ) -> Estimates:
-    """Return derivatives by the standardised coordinates, from the runs of
-    `statistics_derivatives`.
+    """Return the derivatives of an output's mean by the centres of the standardised parameters.
 
-    **Arguments:** `draws`: standardised coordinates; `values`: an output, NaN where a run failed;
-    `members`: number of independent draws, which come first; `normal`: (p,), whether the
-    distribution of each parameter is normal.
+    A derivative is by regression for a normal parameter, and by pairs of runs for a uniform one;
+    see the module's docstring.
+
+    **Arguments:** `draws`: (runs, p) standardised coordinates, in the order of the rows of
+    `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
+    draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
 
     **Raises:** `ValueError` if too few runs succeed.
     """
     count = draws.shape[1]
     derivatives, errors = np.zeros(count), np.zeros(count)
     usable = np.isfinite(values[:members])
+    # Rounded down, because an odd number of runs without failure is no error.
     _check_members(2 * (int(usable.sum()) // 2), count)
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
     first = members
     for k in np.flatnonzero(~normal):
         pairs = values[first : first + 2 * (members // 2)].reshape(-1, 2)
+        # The ends of the distribution are at 1 and -1, a distance of 2.
         halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
         halves = halves[np.isfinite(halves)]
         require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
@@ -230,11 +253,14 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients (p,) of z in a regression of y, and their standard errors.
+    """Return the coefficients (p,) of z in a regression of y, and their standard errors (p,).
 
     The regressors are orthogonal under the distribution of z, so that the expectation of the
     coefficient of z does not depend on the others: Hermite polynomials up to degree 3 for normal
     and Legendre polynomials for uniform parameters, and products of two parameters.
+
+    **Arguments:** `z`: (n, p) standardised coordinates; `y`: (n,) an output; `normal`: (p,) whether
+    the distribution of each parameter is normal.
     """
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)
@@ -246,6 +272,7 @@ def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.nd
     residuals = y - design @ (inverse @ y)
     # The scatter of a chaotic output depends on z: HC3 errors don't assume equal variances.
     leverage = np.einsum("ij,ji->i", design, inverse)
+    # A leverage of 1, of a run that alone determines a coefficient, would divide by zero.
     scaled = residuals / np.maximum(1.0 - leverage, 1e-12)
     errors = np.sqrt(((inverse * scaled) ** 2).sum(axis=1))
     return (inverse @ y)[1 : p + 1], errors[1 : p + 1]

@@ -23,10 +23,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DISTURBANCE = 1e-9
-"""Default size of the disturbance of the initial velocities, m/s."""
+"""Default size of the disturbance of the initial velocities, m/s: far below the resolution of
+measurements, and far above rounding errors."""
 MEMBER, QUANTILE = "member", "quantile"
+"""Names of the dimensions that results have besides the axes."""
 NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
-"""Results of every lane that are not outputs."""
+"""Variables that every sweep returns about each of its runs, besides the outputs asked for."""
 
 
 def ensemble(
@@ -47,16 +49,18 @@ def ensemble(
 ) -> "xr.Dataset":
     """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
 
-    Past its predictability horizon a chaotic motion can't be computed from a measured start; its
-    statistics can. The starts differ in velocities and spins only, in random directions that the
-    constraints permit. Runs are lanes of one zipped `sweep`.
+    A chaotic motion can be computed from a measured start only up to its predictability horizon,
+    but its statistics can be computed beyond. The starts differ in velocities and spins only, in
+    random directions that the constraints permit. All runs are lanes of one zipped `sweep`, in
+    which lane i takes the i-th value of every axis.
 
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
-      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are those of reductions
-      and of other outputs with one number in each run.
-    - `axes`: `Axis` by name; the points are all combinations of the values. By default one point.
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
+      reductions and of other outputs with one number in each run.
+    - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
+      point, the scene and state as they are.
     - `members`: number of runs at each point. More members of the same seed extend a stored
       ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
@@ -64,7 +68,8 @@ def ensemble(
     - `seed`: of the random directions. All points share the directions.
     - `quantiles`: levels between 0 and 1.
     - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
-      point, 2 or more; 0 for none. Each takes a run with derivatives, one after the other.
+      point, 2 or more; 0 for none. Each member takes one more run, with derivatives; these runs are
+      made one after the other.
 
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
@@ -74,10 +79,11 @@ def ensemble(
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile".
 
     ``failed`` counts the failed runs, which are left out of the statistics.
-    ``lyapunov_exponent``, 1/s, and its ``lyapunov_exponent_standard_error`` are the mean and its
-    standard error over members of the growth rate of a disturbance in the second half of the run.
-    The growth is that of tangents (`sensitivities`), which, unlike pairs of runs, are exact across
-    impacts, need no size, and never saturate.
+    ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
+    on average over the members, and ``lyapunov_exponent_standard_error`` the standard error of this
+    average. The disturbance is a tangent: the derivative of the motion by the initial velocity, as
+    by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
+    size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments.
 
@@ -95,6 +101,7 @@ def ensemble(
     scene, state = with_arrays((scene, state))
     points = _points(axes)
     count = len(points[0]) if points else 1
+    # The members of a point are successive lanes; all points share the members' directions.
     repeated = {
         name: Axis(axis.variation, np.repeat(column, members))
         for (name, axis), column in zip(axes.items(), points, strict=True)
@@ -123,6 +130,7 @@ def ensemble(
         growth = np.empty((count, 2))
         for k in range(count):
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
+            # Scene and initial state at this point, without disturbance.
             at = with_values(scene, state, axes, values)
             end = end_time(at[0]) if callable(end_time) else end_time
             growth[k] = exponents_from(
@@ -141,6 +149,10 @@ def _check(
     quantiles: tuple[float, ...],
     exponents: int,
 ) -> None:
+    """Check the arguments of `ensemble`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     for name, axis in axes.items():
         kind, fine = type(axis).__name__, isinstance(axis, Axis) and name not in (MEMBER, QUANTILE)
         expected = f'an Axis, and not named "{MEMBER}" or "{QUANTILE}"'
@@ -157,13 +169,21 @@ def _check(
 
 
 def _points(axes: Mapping[str, Axis]) -> list[np.ndarray]:
-    """Return the values of each axis at all combinations, each (points,), the last axis fastest."""
+    """Return the values of each axis at all combinations of values, (points,) for each axis.
+
+    The values of the last axis change fastest.
+    """
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
     return [grid.ravel() for grid in grids]
 
 
 def scalar_outputs(results: "xr.Dataset") -> dict[str, np.ndarray]:
-    """Return by name the outputs with one number in each lane, (lanes,), NaN for failed lanes."""
+    """Return the outputs with one number in each lane, (lanes,), by name; NaN for failed lanes.
+
+    Other outputs, such as tables of impacts, are left out.
+
+    **Arguments:** `results`: of a zipped sweep.
+    """
     failed = results["result"].values != result_number(RESULTS.successful)
     return {
         str(name): np.where(failed, np.nan, variable.values.astype(float))
@@ -178,16 +198,21 @@ def _statistics(
     shape: tuple[int, ...],
     quantiles: tuple[float, ...],
 ) -> "xr.Dataset":
-    """Return the statistics of all outputs.
+    """Return the statistics of all outputs over the members at each point.
 
-    `results`: of the zipped sweep; `labels`: coordinates of the points; `shape`: numbers of values
-    of the axes, and of members.
+    **Arguments:**
+
+    - `results`: of the zipped sweep; the members of a point are successive lanes.
+    - `labels`: for each axis by name, the coordinate of the dataset: name, values and attributes.
+    - `shape`: number of values of each axis, then the number of members.
+    - `quantiles`: levels between 0 and 1.
     """
     import xarray as xr
 
     members, levels = shape[-1], np.asarray(quantiles, float)
-    # About two thirds of all samples have their quantile between these two levels, by the normal
-    # approximation of the binomial distribution.
+    # The share of members below the true quantile has a binomial distribution, with this standard
+    # deviation. Half the distance between the quantiles at the levels one deviation below and above
+    # is therefore the standard error of a quantile.
     aside = np.sqrt(levels * (1.0 - levels) / members)
     found = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = results["result"].values.reshape(shape) != result_number(RESULTS.successful)

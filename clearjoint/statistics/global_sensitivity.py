@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ORDERS = ("first_order", "total_order")
+"""Names of the two indices, in SciPy's order."""
 RESAMPLES = 999
 """Number of bootstrap samples from which the intervals are computed."""
 
@@ -42,10 +43,11 @@ def sobol_indices(
 ) -> "xr.Dataset":
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
 
-    The first-order index of a parameter is the share of the variance that it causes alone, the
-    total index the share that it causes alone and together with others. The estimator is that of
-    `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010), the
-    intervals are percentiles of a bootstrap over groups of runs.
+    The first-order index of a parameter is the share of the variance that it causes alone, and its
+    total index is the share that it causes alone and together with others. The estimator is that of
+    `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010). It
+    takes groups of p + 2 runs: at two random points, and at the first point with one parameter at a
+    time from the second. Intervals are percentiles of a bootstrap over these groups.
 
     **Arguments:**
 
@@ -57,9 +59,11 @@ def sobol_indices(
     - `confidence`: level of the intervals, between 0 and 1.
 
     **Returns:** an `xarray.Dataset` along "parameter". For each output "force",
-    ``force_first_order`` and ``force_total_order``, each with ``_low`` and ``_high``, and the
-    scalars ``force_mean`` and ``force_deviation`` over the distributions. Groups of p + 2 runs with
-    a failed run are left out, and the largest power of two of the others is used.
+    ``force_first_order`` and ``force_total_order``, each with the ends of its interval in variables
+    whose names end in ``_low`` and ``_high``, and the scalars ``force_mean`` and
+    ``force_deviation`` over the distributions. Groups with a failed run are left out. Of the other
+    groups the first are used, as many as the largest power of two that they allow, because the
+    estimator requires one. ``failed`` counts the failed runs.
 
     **Raises:** `ValueError` for unsupported arguments, and if all groups have a failed run.
 
@@ -96,6 +100,7 @@ def sobol_indices(
     for name, values in scalar_outputs(results).items():
         groups = values.reshape(count, p + 2)
         unit = results[name].attrs.get("units", "1")
+        # Only the first two points of a group are independent draws from the distributions.
         sample = groups[:, :2][np.isfinite(groups[:, :2])]
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
@@ -112,8 +117,8 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
     """Return the points of all runs in the unit cube, (count (p + 2), p), in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
-    parameter from B. Groups come one after the other, so that a larger count extends a stored
-    sweep.
+    parameter from B. Groups come one after the other, so that a larger `count` appends to the runs
+    of a stored sweep.
     """
     first, second = np.split(unit_cube(2 * p, count, "sobol", seed), 2, axis=1)
     groups = np.repeat(first[:, None], p + 2, axis=1)
@@ -123,12 +128,20 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
 
 
 def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.ndarray]:
-    """Return first and total indices, (p,), with their bounds, from an output in each group of
-    runs, (n, p + 2)."""
+    """Return first-order and total indices of an output, and the ends of their intervals.
+
+    **Arguments:** `groups`: (n, p + 2) the output in each run, NaN for failed runs; `confidence`:
+    level of the intervals; `seed`: of the bootstrap.
+
+    **Returns:** arrays (p,) by name: those of `ORDERS`, alone and with "_low" and "_high".
+
+    **Raises:** `ValueError` if fewer than two groups have no failed run.
+    """
     from scipy import stats
 
     whole = groups[np.isfinite(groups).all(axis=1)]
     require(len(whole) > 1, "count", len(whole), "2 groups without failures or more", "run more")
+    # SciPy's estimator requires a power of two, for which Sobol points fill the cube evenly.
     used = 1 << (len(whole).bit_length() - 1)
     if used < len(groups):
         warnings.warn(f"{used} of {len(groups)} groups of runs are used.", stacklevel=4)
@@ -138,7 +151,7 @@ def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.n
         found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=used)
         return np.stack([found.first_order, found.total_order])
 
-    # The bootstrap of SciPy's result takes no seed.
+    # The bootstrap of SciPy's own result takes no seed, so it would differ from call to call.
     interval = stats.bootstrap(
         (np.arange(used),),
         both_orders,

@@ -1,4 +1,5 @@
-"""Largest Lyapunov exponent of a motion: the growth rate of its tangents."""
+"""Largest Lyapunov exponent of a motion: the growth rate of its tangents, which are derivatives by
+the initial velocities."""
 
 from dataclasses import replace
 
@@ -14,10 +15,11 @@ from ..sweeps.axes import Axis
 from .starts import disturbed_axes, with_values
 
 SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs. The tangent does not control the step, since a rate needs few digits:
-otherwise steps become ever shorter as the tangent grows, and runs reach their step limit."""
+"""Settings of the runs. With so large a tolerance the tangent does not control the length of steps.
+A growth rate needs few correct digits of the tangent, and control by an ever larger tangent would
+make steps ever shorter, until runs reach their step limit."""
 TIMES = 256
-"""Number of times at which the size of a disturbance is computed."""
+"""Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 
 
 def exponents_from(
@@ -31,18 +33,24 @@ def exponents_from(
 ) -> tuple[float, float]:
     """Return the largest Lyapunov exponent, 1/s, and its standard error over several starts.
 
-    The exponent of a start is the slope of the logarithm of the size of a tangent over the second
-    half of the run; in the first half the tangent turns to the direction of fastest growth. Runs
-    that fail before the end are left out; without two of them both numbers are NaN.
+    Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
+    initial velocity. Its size is a root mean square displacement of points of the bodies. The
+    exponent of a start is the slope of the logarithm of this size over the second half of the run;
+    in the first half the tangent turns to the direction of fastest growth. Runs that fail before
+    the end are left out. If fewer than two remain, both numbers are NaN.
 
-    **Arguments:** `size`, m/s, and `along`: disturbances of the starts, as in
-    `disturbed_velocities`.
+    **Arguments:**
+
+    - `start_time`, `end_time`: s.
+    - `size`, m/s, and `along`: disturbances of the starts, as in `disturbed_velocities`.
+    - `progress`: whether to show a bar for each run.
     """
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TIMES + 1)[1:]
     points = growth.points(scene)
     rates = []
     for k in range(len(along)):
+        # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
         found = sensitivities(
             scene,
@@ -56,6 +64,7 @@ def exponents_from(
             throw=False,
             progress=progress,
         )
+        # The result of a failed run contains only the times before its failure.
         if len(found.times) == len(times):
             sizes = growth.sizes(found.derivatives, points)[:, 0]
             rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))

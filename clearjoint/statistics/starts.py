@@ -1,4 +1,7 @@
-"""Initial states that differ by less than a measurement can resolve, as axes of a zipped sweep."""
+"""Initial states that differ by less than a measurement can resolve, as axes of a zipped sweep.
+
+In a zipped sweep, run i (its lane i) takes the i-th value of every axis.
+"""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,17 +18,21 @@ from ..parametrisation.variations import SceneNumber
 from ..sweeps.axes import Axis
 
 PARTS = ("velocity", "spin")
+"""Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Singular values of the constraints' Jacobian below this share of the largest count as zero."""
+"""Singular values of the constraints' Jacobian below this share of the largest count as zero, as
+those of redundant constraints."""
 NEGLIGIBLE = 1e-9
-"""Disturbances below this share of the stated size are rounding errors, and become zero."""
+"""Components of a disturbance below this share of its stated size are rounding errors and are set
+to zero, so that velocities which the constraints fix get no axis."""
 
 
 def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
-    """Return one random direction for each member, before its projection on the constraints.
+    """Return a random direction in the space of all velocities for each member of an ensemble.
 
-    The columns are velocity and spin of each body. The first rows don't depend on the number of
-    members, so that an ensemble can be extended.
+    The v columns are the components of velocity and spin of each body, all standard normal.
+    `disturbed_velocities` projects a direction on the velocities that the constraints permit. The
+    first rows don't depend on the number of members, so that an ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((members, 6 * len(scene.bodies)))
 
@@ -36,9 +43,11 @@ def disturbed_velocities(
     """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts.
 
     Positions stay as they are. Velocities and spins are those of `state` plus a part of the random
-    directions `along` that the constraints permit. The root mean square of the added speeds is
-    `size`, m/s, over starts and bodies; a spin counts by the speed at its body's radius of
-    gyration.
+    directions `along`, from `directions`, that the constraints permit.
+
+    **Arguments:** `size`: m/s, expected root mean square of the added speeds over starts and
+    bodies, in which a spin counts by the speed at its body's radius of gyration; `start_time`: s,
+    of the run, on which constraints by drivers depend.
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -56,6 +65,8 @@ def disturbed_velocities(
     require(
         len(free) > 0, "scene", "no free velocity", "one that can move", "remove a joint or driver"
     )
+    # The rows of `free` are orthonormal, so that the expected square of a projected direction is
+    # their number. With this factor, the mean over the bodies is the square of `size`.
     added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
     added[np.abs(added) < NEGLIGIBLE * size] = 0.0
     return velocities_of(scene, state) + added / lengths
@@ -74,15 +85,18 @@ def disturbed_axes(
 
     **Arguments:**
 
-    - `axes`: further axes of the sweep, of as many values as lanes, which may change the state.
+    - `axes`: further axes of the sweep, of as many values as lanes, which may change the scene and
+      the initial state.
     - `size`: m/s, and `along`: random directions, as in `disturbed_velocities`.
-    - `members`: each row of this many lanes has the same values of `axes`.
+    - `start_time`: s, of the runs.
+    - `members`: number of successive lanes with equal values of `axes`.
 
     **Returns:** the given axes, and an axis for each component of a velocity or spin that differs
     from that of the undisturbed state.
     """
-    # Numbers of the scene don't change the initial state: one Jacobian serves all lanes, since the
-    # disturbance need not satisfy the constraints better than to the order of its square.
+    # Axes that change only numbers of the scene leave the initial state as it is. The Jacobian of
+    # the given scene then serves all lanes: where a number differs by a small share, the tiny
+    # disturbance violates the constraints only by about this share of itself.
     shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
     block = len(along) if shared else members
     velocities, nominal = np.empty_like(along), np.empty_like(along)
@@ -92,6 +106,8 @@ def disturbed_axes(
         at = with_values(scene, state, axes, values)
         velocities[rows] = disturbed_velocities(*at, size, along[rows], start_time)
         nominal[rows] = velocities_of(*at)
+    # Components that no disturbance changes, such as all those out of a planar mechanism's plane,
+    # need no axis.
     disturbed = dict(axes)
     names = [(b, part, k) for b in scene.bodies for part in PARTS for k in range(3)]
     for column, (body, part, k) in enumerate(names):
@@ -102,6 +118,7 @@ def disturbed_axes(
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
+    """Return component k of a body's velocity or spin, the `part`; this is the path of an axis."""
     return getattr(state.bodies[body], part)[k]
 
 
@@ -114,7 +131,11 @@ def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
 def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with the given `values` of axes, by name."""
+    """Return scene and initial state with one value of each of several axes.
+
+    **Arguments:** `scene`, `state`: before the change; `axes`: axes of a sweep by name; `values`:
+    the value to set for each axis that is to be changed, by the same names.
+    """
     for name, value in values.items():
         change = axes[name].setter(scene, state)
         scene, state = change(scene, state, value)

@@ -17,6 +17,7 @@ PASS_UNCERTAIN = (
     'pass {"clearance": cj.Uncertain(lambda s: s.joints["pin"].clearance, deviation=5e-6)}'
 )
 METHODS = ("sobol", "halton", "latin hypercube", "random")
+"""Names of the designs that `design` accepts."""
 
 
 @dataclass(frozen=True, init=False)
@@ -83,7 +84,10 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Return the middle of the distribution and its deviation or half width, as coordinates."""
+        """Return the middle of the distribution, and its standard deviation or half width.
+
+        Both are in the coordinate of the parameter's scale.
+        """
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -92,16 +96,21 @@ class Uncertain:
         return 0.5 * (low + high), 0.5 * (high - low)
 
     def standardised(self, probabilities: np.ndarray) -> np.ndarray:
-        """Return (coordinate - centre)/size at probabilities between 0 and 1, of the same shape.
+        """Return (coordinate - centre)/size at given cumulative probabilities, of the same shape.
 
-        The result is standard normal, or uniform between -1 and 1.
+        For probabilities drawn uniformly between 0 and 1, the result is standard normal, or uniform
+        between -1 and 1. `centre_and_size` returns centre and size.
         """
         from scipy.special import ndtri
 
         return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
 
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
-        """Return the axis of a sweep whose n values have the given standardised coordinates."""
+        """Return the axis of a sweep whose n values have the given standardised coordinates.
+
+        **Arguments:** `scene`, `state`: with the nominal value; `standardised`: (n,), from
+        `standardised`.
+        """
         centre, size = self.centre_and_size(scene, state)
         scale = self.parameter.scale
         # One at a time: a user-defined scale need not accept arrays.
@@ -131,8 +140,13 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return a design of `count` points in the unit cube, (count, dimensions), by
-    `scipy.stats.qmc`."""
+    """Return points (count, dimensions) that fill the unit cube, by `scipy.stats.qmc`.
+
+    **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
+    of the random numbers that scramble the points.
+
+    **Raises:** `ValueError` for an unknown method, and for a count below 1.
+    """
     from scipy.stats import qmc
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
@@ -156,9 +170,9 @@ def design(
 ) -> dict[str, Axis]:
     """Draw several numbers of a scene jointly from their distributions, as axes of a zipped sweep.
 
-    Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", a
-    larger `count` appends points to the same ones, so that a stored sweep can be extended. The
-    points are those of `scipy.stats.qmc`, scrambled by the seed.
+    Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", the
+    points of a larger `count` begin with those of a smaller one, so that a stored sweep can be
+    extended. The points are those of `scipy.stats.qmc`, scrambled by the seed.
 
     **Arguments:**
 
@@ -183,7 +197,11 @@ def design(
 def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
-    """Return by name the axes whose values have the probabilities `points`, (n, parameters)."""
+    """Return an axis of n values for each uncertain number, by name.
+
+    **Arguments:** `points`: (n, p) cumulative probabilities of the values, from `unit_cube`; the
+    columns are in the order of `uncertain`.
+    """
     return {
         name: one.axis(scene, state, one.standardised(points[:, k]))
         for k, (name, one) in enumerate(uncertain.items())

@@ -1,1 +1,1 @@
-"""Largest value of a parameter for which quantities stay within their limits."""
+"""Search for the largest value of a parameter for which quantities stay within their limits."""

@@ -1,5 +1,8 @@
-"""Margins of quantities to their limits, for many values of a parameter and random draws, by
-sweeps."""
+"""Margins of quantities to their limits, computed by sweeps over many values of a parameter.
+
+Each value may be combined with random draws of other numbers, such as the phase at the start. Then
+a given quantile of the quantities over the draws must stay within the limits.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 VALUE = "largest_value"
+"""Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
 """Number of neighbouring intervals on each side that bound the change of the margin inside an
 interval."""
@@ -33,10 +37,12 @@ class LaneMargins:
     """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
     - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
-    - `margins`: (n,) the smallest margin of all outputs, for the quantile of the draws.
-    - `low`, `high`: (n,) ends of the margins' confidence intervals; equal to `margins` without
+    - `margins`: (n,) the smallest margin of all outputs, -inf where a run fails; with draws, that
+      of the quantile of the peaks over the draws.
+    - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
       draws.
-    - `peak`: text on the output with the smallest margin at the first coordinate.
+    - `peak`: text for an error message on the output with the smallest margin at the first
+      coordinate.
     """
 
     coordinates: Float[np.ndarray, " n"]
@@ -46,9 +52,9 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins merged with others, in the order of coordinates.
+        """Return these margins merged with those at other coordinates, in the order of coordinates.
 
-        Of two equal coordinates, that of this object is kept.
+        Where a coordinate occurs in both, the margin of this object is kept.
         """
         coordinates = np.concatenate([self.coordinates, others.coordinates])
         coordinates, kept = np.unique(coordinates, return_index=True)
@@ -64,7 +70,7 @@ class LaneMargins:
         The result is ``None`` if all values satisfy the limits; the first index is -1 if the first
         value violates a limit.
         """
-        violations = np.flatnonzero(~(self.margins >= 0.0))
+        violations = np.flatnonzero(~(self.margins >= 0.0))  # NaN is a violation too.
         return (int(violations[0]) - 1, int(violations[0])) if len(violations) else None
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
@@ -80,13 +86,18 @@ class LaneMargins:
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        # The smaller of an interval's two margins may fall by as much inside the interval.
         doubtful = np.zeros(len(self.coordinates) - 1, bool)
         doubtful[:count] = np.minimum(ends[:-1], ends[1:]) < largest_change
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether no margin rises by more than `tolerance` and the uncertainty of the
-        draws."""
+        """Return whether the margins only fall as the coordinate rises.
+
+        A rise counts only if the lower end of a confidence interval exceeds the upper end of an
+        earlier one by more than `tolerance`. If the margins only fall, no violation is hidden
+        between two values that satisfy the limits.
+        """
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
         return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
@@ -101,15 +112,19 @@ def lane_margins(
     quantile: float,
     coordinates: Float[np.ndarray, " n"],
 ) -> LaneMargins:
-    """Compute the margins at rising coordinates (n,) of the parameter, with all draws, by one
-    sweep.
+    """Compute the margins at n values of a parameter, each with all draws, by one sweep.
 
-    **Arguments:** `run`: function that sweeps over axes by name; `outputs`: limited reduction by
-    name; `limits`: its limit by the same name, SI; `draws`: axes of random numbers by name, of
-    equal length; `quantile`: share of the draws that must satisfy the limits.
+    **Arguments:**
+
+    - `run`: function that sweeps over axes by name, such as `sweep` with its other arguments set.
+    - `parameter`: the parameter, and `coordinates`: (n,) its rising coordinates.
+    - `outputs`: limited reductions by name, and `limits`: their limits by the same names, SI.
+    - `draws`: axes of random numbers by name, of equal length; empty for none.
+    - `quantile`: share of the draws that must satisfy the limits.
     """
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1
+    # A lane for each pair of a value and a draw; the lanes of a value follow each other.
     axes = {VALUE: Axis(parameter.variation, np.repeat(values, count))}
     for name, axis in draws.items():
         axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
@@ -120,6 +135,7 @@ def lane_margins(
         # A failed run counts as a violation.
         peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
         rows[name] = limit_margins(peaks, limit, quantile)
+    # Each of the three is the smallest of all outputs.
     margins, low, high = np.min(np.array([*rows.values()]), axis=0)
     smallest = min(rows, key=lambda name: float(rows[name][0][0]))
     first = float(rows[smallest][0][0])
@@ -136,7 +152,7 @@ def lane_margins(
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return margins of a quantile of the peaks over the draws, and their confidence intervals.
+    """Return margins log(limit / quantile of the peaks over the draws), with 95 % intervals.
 
     The quantile is an order statistic of the draws: the smallest peak that the given share of the
     draws does not exceed. Its 95 % confidence interval is between two other order statistics and
@@ -145,17 +161,21 @@ def limit_margins(
     **Arguments:** `peaks`: (n, draws); `limit`: in the unit of the peaks; `quantile`: share of the
     draws, 0 to 1.
 
-    **Returns:** margins, lower ends and upper ends, (n,) each.
+    **Returns:** margins, lower ends and upper ends, (n,) each. The lower end is -inf if there are
+    too few draws for it.
     """
     from scipy.stats import binom
 
     ordered, count = np.sort(peaks, axis=1), peaks.shape[1]
     tail = 0.5 * (1.0 - CONFIDENCE)
+    # Numbers of order statistics, from 1. A product such as 0.55 * 100 exceeds 55 by rounding,
+    # which must not raise the number to 56.
     middle = max(math.ceil(quantile * count - 1e-9), 1)
     below = above = middle
     if count > 1 and quantile < 1.0:
         below = max(int(binom.ppf(tail, count, quantile)), 1)
         above = int(binom.ppf(1.0 - tail, count, quantile)) + 1
+    # A larger peak has a smaller margin, so that `above` gives the lower end.
     columns = [ordered[:, k - 1] if k <= count else ordered[:, -1] for k in (middle, above, below)]
     with np.errstate(divide="ignore"):
         margin, low, high = (np.log(limit) - np.log(np.maximum(column, 0.0)) for column in columns)

@@ -27,18 +27,21 @@ from ...sweeps.sweep import sweep
 from .lanes import LaneMargins, as_reduction, lane_margins
 
 QUANTITY = "quantity"
+"""Name of a single quantity that the user passes without a name."""
 CLOSE = 2.0
 """The second row of lanes begins this many spacings of the first row below the first violation."""
 INSPECTIONS = 12
-"""Maximum number of rows of lanes that search for violations between computed values."""
+"""Maximum number of rows of lanes that search for violations between computed values, so that a
+rough margin does not take runs without end."""
 
 Watched = Quantity | AbstractReduction
+"""A quantity, whose peak is limited, or a reduction, whose result is limited."""
 
 
 @dataclass(frozen=True)
 class LargestFeasible:
-    """Result of `largest_feasible`: the largest value below which no computed value violates a
-    limit.
+    """Result of `largest_feasible`: the largest value of a parameter up to which no limit is
+    violated at any computed value.
 
     A margin is log(limit / peak), the smallest of all limited quantities: it is negative where a
     limit is violated.
@@ -52,8 +55,8 @@ class LargestFeasible:
       satisfy the limits again, and a violation narrower than `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest value above it that
       satisfies all limits; ``None`` if no larger value satisfies the limits.
-    - `spacing`: largest distance between neighbouring values up to `value`, relative to the larger
-      neighbour.
+    - `spacing`: largest distance between neighbouring values up to the first violation, relative to
+      the larger neighbour.
     - `values`: (n,) all computed values, in `unit`.
     - `margins`: (n,) margin of each value, -inf if the run failed.
 
@@ -89,7 +92,7 @@ class LargestFeasible:
                 f"No limit is reached up to {self.value:.6g} {self.unit}, the end of the range. "
                 f"{trend}"
             )
-        # One digit more than the ends of the interval have in common.
+        # One digit more than the ends of the interval have in common, from 2 to 12 digits.
         width = abs(high - low) / max(abs(low), abs(high), np.finfo(float).tiny)
         form = f".{int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))}g"
         result = (
@@ -122,10 +125,11 @@ def largest_feasible(
 ) -> LargestFeasible:
     """Find the largest value of a parameter for which quantities stay within their limits.
 
-    All smaller values of the range satisfy the limits too. A first row of lanes over the range
-    finds the first violation, and a second row examines the values just below it. If margins rise
-    and fall, more rows search for violations between lanes with small margins. Then each row
-    divides the interval with the first violation by the number of lanes, down to the tolerance.
+    No smaller value that is computed violates a limit either. A row is a number of values that one
+    sweep runs side by side, as lanes. A first row over the range finds the first violation, and a
+    second row examines the values just below it. If margins, log(limit / peak), rise and fall, more
+    rows search for violations between values with small margins. Then each row divides the interval
+    in which the first violation begins, down to the tolerance.
 
     ```python
     import clearjoint as cj
@@ -147,7 +151,8 @@ def largest_feasible(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
-    - `parameter`: the parameter, for example a clearance; rows are even on its scale.
+    - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
+      scale.
     - `quantity`: a scalar function of an `Instant`, whose peak is limited, or a reduction with one
       result, such as `ImpactCount`; or several by name.
     - `limit`: largest allowed value, positive, in SI; for several quantities by name.
@@ -173,6 +178,7 @@ def largest_feasible(
     _check_limits(quantities, limits)
     _check(scene, quantities, draws, quantile, lanes, tolerance)
     settings = settings_or(settings, presets.derivatives)
+    # A quantity without reduction is limited by its peak.
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
     run = partial(
         sweep,
@@ -192,9 +198,10 @@ def largest_feasible(
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
-    - `margins`: function that runs a sweep at coordinates (n,).
+    - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
     - `lanes`: number of values in a row.
     - `tolerance`: relative tolerance of the value.
+    - `parameter`: the parameter, whose scale has the coordinates.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -204,6 +211,8 @@ class _Search:
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
         """Search between the coordinates `low` and `high` of the parameter, and return the result.
+
+        **Arguments:** `unit`: of the parameter's value, as text for the result.
 
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
@@ -224,19 +233,20 @@ class _Search:
         return self._result(lanes, self._value(lanes.coordinates[last]), unit)
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
-        """Add a row of values between the last value before the first violation and the violation.
+        """Return the margins with a row of values added just below the first violation.
 
-        With `below`, the row begins `CLOSE` spacings lower.
+        The row is between the last value before the first violation and the violation. With
+        `below`, it begins `CLOSE` times their distance lower.
         """
         last, violation = (lanes.coordinates[k] for k in _gap(lanes))
         start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, lanes: LaneMargins) -> LaneMargins:
-        """Add values in intervals that may hide a violation, until these are as narrow as the
-        tolerance.
+        """Return the margins with values added in intervals that may hide a violation.
 
-        Margins that only fall need no inspection.
+        Rows are added until these intervals are as narrow as the tolerance, at most `INSPECTIONS`
+        rows. Margins that only fall need none.
         """
         for _ in range(INSPECTIONS):
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
@@ -254,6 +264,11 @@ class _Search:
         return lanes
 
     def _result(self, lanes: LaneMargins, value: float, unit: str) -> LargestFeasible:
+        """Return the result of the search: its answer `value`, in `unit`, and what the margins say.
+
+        **Arguments:** `lanes`: the margins of all computed values.
+        """
+        # Without a violation, `first` is the last index, so that the spacing is over all values.
         met = lanes.gap() is not None
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
         first = _gap(lanes)[1] if met else len(lanes.coordinates) - 1
@@ -271,8 +286,11 @@ class _Search:
         )
 
     def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
-        """Return the two values between which the first violation begins, by the margins'
-        confidence."""
+        """Return the two values between which the first violation begins.
+
+        With draws these are the ends of a 95 % confidence interval: the last value before any
+        violation is possible by the margins' intervals, and the first at which it is certain.
+        """
         possible = np.flatnonzero(~(lanes.low >= 0.0))
         certain = np.flatnonzero(~(lanes.high >= 0.0))
         u = lanes.coordinates
@@ -288,17 +306,22 @@ class _Search:
         return np.abs(np.diff(values)) / sizes
 
     def _value(self, coordinate: float) -> float:
+        """Return the parameter's value at a coordinate, without the rounding errors of scales."""
         return as_shown(float(self.parameter.scale.value(coordinate)))
 
 
 def _gap(lanes: LaneMargins) -> tuple[int, int]:
+    """Return `LaneMargins.gap` where a violation is known to exist."""
     gap = lanes.gap()
     assert gap is not None
     return gap
 
 
 def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the coordinates of the smallest and the largest value of `between`, after checks."""
+    """Return the coordinates of the smallest and the largest value of `between`, after checks.
+
+    **Raises:** `ValueError` for a wrong `parameter` or `between`.
+    """
     kind = type(parameter).__name__
     require(isinstance(parameter, Parameter), "parameter", kind, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)
@@ -310,6 +333,10 @@ def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple
 
 
 def _check_limits(outputs: Mapping[str, object], limits: Mapping[str, float]) -> None:
+    """Check that each output has one positive limit, under the same name.
+
+    **Raises:** `ValueError` otherwise.
+    """
     remedy = "give each quantity one limit, under the same name"
     same = set(outputs) == set(limits)
     require(same, "limit", sorted(limits), f"one for each of {sorted(outputs)}", remedy)
@@ -327,6 +354,10 @@ def _check(
     lanes: int,
     tolerance: float,
 ) -> None:
+    """Check the remaining arguments of `largest_feasible`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
     for name, one in quantities.items():
         if isinstance(one, AbstractReduction):
             units, expected = list(one.units()), "a reduction with one result"

@@ -1,4 +1,5 @@
-"""Posterior distribution of parameters, with likelihoods of runs as lanes."""
+"""Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
+side, as lanes."""
 
 import math
 import time
@@ -24,8 +25,10 @@ from .result import Posterior
 from .tempering import Target, draw, refined
 
 FEWEST = 32
+"""Smallest number of points that a posterior may have."""
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
-"""Function of values by name, (n,) each, that returns the logarithm of a density, (n,)."""
+"""Function of the parameters' values by name, (n,) each, that returns the logarithm of a density at
+the n points, (n,)."""
 
 
 def posterior(
@@ -45,9 +48,10 @@ def posterior(
 ) -> Posterior:
     """Return the posterior distribution of parameters, by sequential Monte Carlo.
 
-    Unlike the covariance of a fit, it is right where chi squared is rough or has several minima,
-    and it needs no start near the truth. Points fill a box around the guess. Then the record grows,
-    and the points are weighted, resampled and moved at each step. Noise is normal, of the standard
+    Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
+    minima, and it needs no start near the truth. Points, the coordinates of parameters, fill a box
+    around the guess. Then more and more of the record enters the likelihood, and at each step the
+    points are weighted, resampled and moved. The noise is assumed to be normal, with the standard
     deviations stated in the measurements.
 
     **Arguments:**
@@ -94,6 +98,7 @@ def posterior(
     side_by_side = SideBySide(runs, samples(measurements, len(runs.times)))
     units = {name: one.variation.unit_in(scene, state) for name, one in parameters.items()}
     box, prior = (centre - half, centre + half), _prior(parameters, log_prior)
+    # The progress is shown as the time up to which the record is in the likelihood.
     bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
     with telling_of_compiling(bar):
 
@@ -119,15 +124,27 @@ def drawn_posterior(
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters for runs as lanes.
+    """Return the posterior distribution of parameters for a scene and samples that are prepared.
 
-    **Arguments:** `box`: lower and upper ends (p,) of the coordinates; `log_prior`: function of
-    points (n, p); `refinement`: number of runs of an importance sampling at the end, which draws
-    five times `number` points; 0 for none; `most_runs`: number of runs that is not exceeded;
-    `on_step`: receives the time, s, up to which the record is in the likelihood, and the number of
-    runs so far. Others are as in `posterior`.
+    `posterior` calls it with the user's arguments, and `identify` for a small posterior around a
+    fit.
 
-    **Raises:** `ValueError` if all points are impossible; `TooManyRunsError`.
+    **Arguments:**
+
+    - `side_by_side`: the runs, and the samples with which they are compared.
+    - `parameters`, `units`: the parameters and the units of their values, by name.
+    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
+    - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
+      density of the coordinates, (n,), up to a constant.
+    - `number`, `seed`: number of points, and seed of the random numbers.
+    - `refinement`: number of further runs of an importance sampling at the end, from which five
+      times `number` points are drawn; 0 for none.
+    - `most_runs`: number of runs, of all kinds, that is not exceeded.
+    - `on_step`: function that is called after each step with the time, s, up to which the record is
+      in the likelihood, and the number of runs so far.
+
+    **Raises:** `ValueError` if all points are impossible; `TooManyRunsError` if more than
+    `most_runs` runs are needed.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -141,12 +158,13 @@ def drawn_posterior(
         drawn = draw(target, number, generator, after)
         if refinement:
             drawn = refined(target, drawn, refinement, generator)
-    except FloatingPointError as error:
+    except FloatingPointError as error:  # All weights are zero.
         raise ValueError(
             f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
             "the prior of the others is zero). Centre `guess` on values with which the scene "
             "runs, or change `spread` or `log_prior`."
         ) from error
+    # Logarithm of the normal density at a residual of zero, summed over all samples.
     weights = side_by_side.data.weights
     constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
     return Posterior(
@@ -168,12 +186,22 @@ def drawn_posterior(
 
 
 class TooManyRunsError(ArithmeticError):
-    """End of a posterior that would take more runs than allowed."""
+    """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
+
+    It is raised before the runs that would exceed this number, and no result is returned. The small
+    posterior of `identify` has such a limit; `identify` catches the error, and the fit keeps its
+    other intervals. `posterior` has no limit.
+    """
 
 
 @dataclass
 class _Lanes:
-    """Chi squared by lanes, with the number of runs so far and of those that failed."""
+    """Chi squared of points by runs as lanes, which counts the runs.
+
+    - `side_by_side`: the runs, and the samples with which they are compared.
+    - `most_runs`: largest number of runs that are made.
+    - `runs`: number of runs so far; `failed`: number of those that failed.
+    """
 
     side_by_side: SideBySide
     most_runs: float
@@ -181,13 +209,15 @@ class _Lanes:
     failed: int = field(default=0)
 
     def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
-        """Return chi squared over the first 0 to `count` times, (n, count + 1), infinite from the
-        first sample that a run misses.
+        """Return chi squared at points (n, p) over the first 0 to `count` times, (n, count + 1).
 
-        **Raises:** `TooManyRunsError` before it exceeds `most_runs`.
+        It is infinite from the first sample that a run misses.
+
+        **Raises:** `TooManyRunsError`, before any run, if the n runs would exceed `most_runs`.
         """
         if self.runs + len(points) > self.most_runs:
             raise TooManyRunsError(f"more than {self.most_runs:g} runs")
+        # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
         curves = self.side_by_side.chi_squared(points, count)
         missed = np.maximum.accumulate(np.diff(curves, axis=1, prepend=0.0) >= UNREACHED**2, axis=1)
         self.runs += len(points)
@@ -198,7 +228,12 @@ class _Lanes:
 def _prior(
     parameters: Mapping[str, Parameter], log_prior: LogPrior | None
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function of points (n, p) that returns the logarithms of their prior, (n,)."""
+    """Return a function of points (n, p) that returns the logarithms of their prior density, (n,).
+
+    Points are coordinates; the user's function `log_prior` receives values by name instead. Without
+    it, the prior is uniform. The function raises a `ValueError` if the user's function returns
+    another shape, NaN or infinity.
+    """
 
     def logarithms(points: np.ndarray) -> np.ndarray:
         if log_prior is None:
@@ -224,7 +259,10 @@ def _checked(
     number: int,
     seed: int,
 ) -> Float[np.ndarray, " p"]:
-    """Check arguments, and return half the width of the box (p,)."""
+    """Check the arguments of `posterior`, and return half the width of its box, (p,).
+
+    **Raises:** `ValueError` for a wrong argument.
+    """
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     fine, kind = isinstance(measurements, Measurements), type(measurements).__name__
     require(fine, "measurements", kind, "Measurements", remedy)

@@ -28,16 +28,17 @@ class Posterior(AbstractTabular):
 
     - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
     - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
-    - `log_likelihood`: (n,) of the points, with the constants of the normal distribution.
-    - `modes`: (n,) number of the separate minimum to which each point belongs, from 0 for that
-      with the most points.
-    - `log_evidence`: logarithm of the marginal likelihood; `log_evidence_error`: its standard
-      error.
+    - `log_likelihood`: (n,) logarithm of the likelihood of all samples at each point, with the
+      constants of the normal distribution.
+    - `modes`: (n,) number of the separate minimum of chi squared to which each point belongs, from
+      0 for that with the most points.
+    - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
+      prior; `log_evidence_error`: its standard error.
     - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
     - `runs`: number of runs; `failed`: number of those that failed, whose likelihood counts as
       zero.
-    - `steps`: number of steps in which the record grew; `acceptance`: share of accepted moves in
-      the last of them.
+    - `steps`: number of steps in which the record entered the likelihood; `acceptance`: share of
+      accepted moves in the last of them.
     - `seed`: of the random numbers; `seconds`: time taken, s.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
@@ -89,7 +90,7 @@ class Posterior(AbstractTabular):
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Central 95 % interval (low, high) of each parameter by name, in `units`."""
-        # This method has no bias for few points: an interval of the usual one is too narrow.
+        # With few points, intervals by NumPy's default method would be too narrow.
         ends = {
             name: np.quantile(row, (0.025, 0.975), method="weibull")
             for name, row in self.samples.items()
@@ -108,13 +109,20 @@ class Posterior(AbstractTabular):
 
     @property
     def effective_sample_size(self) -> float:
-        """Number of points n, squared, over the sum of the squared numbers of equal points."""
+        """Number of independent points that would be about as accurate as these n points.
+
+        Points may be equal, because resampling copies them. The result is n squared over the sum of
+        the squared numbers of equal points.
+        """
         _, copies = np.unique(self.coordinates, axis=0, return_counts=True)
         return float(len(self.coordinates) ** 2 / (copies**2).sum())
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences on problems; an empty list if there are none."""
+        """Sentences on a box that cuts the posterior off and on points that hardly moved.
+
+        The list is empty if there are no problems.
+        """
         found = []
         low, high = self.box
         near = EDGE * (high - low)
@@ -126,6 +134,7 @@ class Posterior(AbstractTabular):
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
+        # So few accepted moves leave many copies of points where resampling has put them.
         if self.acceptance < 0.05:
             found.append(
                 f"Only {self.acceptance:.1%} of the last moves were accepted: increase `number`."
@@ -135,7 +144,9 @@ class Posterior(AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
 
-        See `AbstractTabular`.
+        `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
+        (parameter, bound), in the `unit` of each parameter. Evidence and numbers of runs are
+        attributes.
         """
         names, along = [*self.parameters], ("parameter",)
         variables = {
@@ -151,11 +162,12 @@ class Posterior(AbstractTabular):
         return labelled_dataset("posterior", variables, labels, tuple(self._notes().items()))
 
     def to_arviz(self) -> "arviz.InferenceData":
-        """Return an `arviz.InferenceData` with one chain (extra `arviz`).
+        """Return the points as an `arviz.InferenceData` with one chain.
 
-        The group `posterior` has the values of the parameters, `log_likelihood` that of the whole
-        record, `sample_stats` the number of each point's `mode`. Evidence, numbers of runs and the
-        seed are attributes of the group `posterior`.
+        ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
+        values of the parameters, `log_likelihood` that of the whole record, `sample_stats` the
+        number of each point's `mode`. Evidence, numbers of runs and the seed are attributes of the
+        group `posterior`.
         """
         import arviz
 
@@ -170,6 +182,7 @@ class Posterior(AbstractTabular):
         return found
 
     def _notes(self) -> Mapping[str, float | int]:
+        """Return the attributes of exported data, by name."""
         return {
             "log_evidence": self.log_evidence,
             "log_evidence_error": self.log_evidence_error,
@@ -181,6 +194,7 @@ class Posterior(AbstractTabular):
 
     def __str__(self) -> str:
         """Return the report: intervals, weights of minima, evidence, runs and warnings."""
+        # The table is that of a fit; headings of the same width keep its columns aligned.
         number = len(self.weights)
         weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
         parts = [

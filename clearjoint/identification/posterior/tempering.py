@@ -1,13 +1,17 @@
 """Sequential Monte Carlo over a growing record.
 
-A cloud of points, coordinates of p parameters, is drawn from the prior. The samples of the record
-enter the likelihood one time after the other, each of them by fractions where it says much: the
-points are weighted, resampled and moved, so that they are distributed as the posterior of the
-record so far (N. Chopin, *A sequential particle filter method for static models*, 2002; adaptive
-steps as by A. Jasra et al., *Inference for Lévy-driven stochastic volatility models via adaptive
-sequential Monte Carlo*, 2011). Over few impacts chi squared is smooth, so that the cloud finds the
-region of the truth before the later impacts make chi squared rough. The usual path, powers of the
-likelihood of the whole record, would have to find it in the rough chi squared.
+A cloud of points, coordinates of p parameters, is drawn from the prior. Then the record enters the
+likelihood in steps of many samples, or of a fraction of one sample where it changes the likelihood
+much. After each step the points are weighted, resampled and moved, so that they are distributed as
+the posterior of the record so far (N. Chopin, *A sequential particle filter method for static
+models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven stochastic
+volatility models via adaptive sequential Monte Carlo*, 2011). Over few impacts chi squared is
+smooth, so that the cloud finds the region of the truth before the later impacts make chi squared
+rough. The usual way, by growing powers of the likelihood of the whole record, would have to find it
+in the rough chi squared.
+
+A length of the record is given as a number of its T sample times: chi squared over the first k
+times is that of all samples up to the k-th time.
 
 The evidence is not the product of the steps' mean weights, whose errors add up. It is estimated by
 bridge sampling (X.-L. Meng and W. Wong, *Simulating ratios of normalizing constants via a simple
@@ -15,7 +19,7 @@ identity*, 1996) between the posterior and a mixture of normal distributions aro
 
 This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
 no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
-likelihood and know the path of powers alone. Hence this implementation.
+likelihood and know only powers of the likelihood. Hence this implementation.
 """
 
 import math
@@ -26,40 +30,45 @@ import numpy as np
 from jaxtyping import Float
 
 KEPT = 0.5
-"""Effective part of the cloud after each step along the record, which fixes the step's length."""
+"""Effective number of points, relative to their number, to which a step along the record may reduce
+the cloud. It determines the length of the step."""
 AHEAD = 1.5
-"""Factor on the length of the record up to which points are run, beyond that in the likelihood."""
+"""Number of times over which points are run, relative to the number in the likelihood. Runs beyond
+the likelihood serve the next steps."""
 ACCEPTED, ACCEPTED_LAST = 1.5, 4.0
-"""Mean number of accepted moves of a point after which a step ends, and the last step. With fewer
-moves, a small cloud loses the ends of a curved region, from which few points descend."""
+"""Mean number of accepted moves of a point after which a step ends, and after which the last step
+ends. With fewer moves, a small cloud loses the ends of a curved region."""
 SWEEPS, SWEEPS_LAST = 10, 20
-"""Largest number of moves of each point in a step, and in the last one."""
+"""Largest number of moves tried for each point in a step, and in the last one."""
 PRIOR_POINTS = 2**12
-"""Number of points that give the integral of the prior."""
+"""Number of points by which the prior is integrated over the box."""
 BRIDGES = 1000
 """Largest number of iterations of bridge sampling."""
 HALVINGS = 50
+"""Number of bisections that find the length of a step."""
 LEAST = 1e-9
-"""Smallest step along the record, as a fraction of a sample."""
+"""Smallest step along the record, as a fraction of a sample, so that no step is zero."""
 WIDER, MORE = 2.0, 5
-"""Factors of importance sampling on the standard deviations of kernels and on the number of
-points."""
+"""Factors of the importance sampling at the end: on the standard deviations of the distributions
+from which points to run are drawn, and on the number of points that are drawn from these runs."""
 RIDGE = 1e-10
-"""Smallest variance of a kernel, relative to that of the cloud."""
+"""Variance that is added along each coordinate, relative to the cloud's, so that the covariance of
+the cloud is not singular."""
 WIDE, OVERALL = 1.5, 0.1
 """Standard deviations of a mixture's wide distribution relative to those of the cloud, and the
-share of this distribution in the mixture."""
+weight of this distribution in the mixture."""
 
 Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
-"""Function of points (n, p) and a number of times that returns chi squared of the samples up to
-each of these times, (n, times + 1), from 0; infinite from the first sample that a run misses."""
+"""Function of points (n, p) and a number T of times that runs the points and returns chi squared
+over the first 0 to T times, (n, T + 1), infinite from the first sample that a run misses."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Posterior to draw from.
+    """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves`: chi squared over the record; `count`: number of its times.
+    - `curves`: function that returns chi squared over parts of the record; `count`: number T of
+      times in the whole record.
     - `low`, `high`: (p,) bounds of the box outside which the prior is zero.
     - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
       density of the coordinates, (n,), up to a constant.
@@ -74,11 +83,12 @@ class Target:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points with what is known of them.
+    """Points in the box, with their chi squared and prior.
 
     - `points`: (n, p) coordinates.
-    - `curves`: (n, T + 1) chi squared over the first 0 to T times.
-    - `log_priors`: (n,)
+    - `curves`: (n, T + 1) chi squared over the first 0 to T times, for the part of the record over
+      which the points have been run.
+    - `log_priors`: (n,) logarithms of the prior density.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -86,7 +96,7 @@ class Cloud:
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
-        """Return the points of given indices."""
+        """Return the points of the given indices, which may repeat."""
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
@@ -101,7 +111,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Points that are distributed as the posterior.
+    """Result of `draw`: points that are distributed as the posterior.
 
     - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
@@ -124,29 +134,37 @@ def draw(
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
 ) -> Drawn:
-    """Draw points from the posterior.
+    """Draw points from the posterior, by steps along the record.
 
-    **Arguments:** `number`: of points; `on_step`: receives the number of times in the likelihood
-    after each step.
+    **Arguments:** `target`: the posterior; `number`: of points; `generator`: source of random
+    numbers; `on_step`: function that is called after each step with the number of times in the
+    likelihood, which may be a fraction.
+
+    **Raises:** `FloatingPointError` if all points are impossible.
     """
     from scipy.stats import qmc
 
     box = qmc.LatinHypercube(len(target.low), rng=generator)
     points = target.low + (target.high - target.low) * box.random(number)
+    # Number of times over which the points have been run, and number of times in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
     prior, _ = normalised(cloud.log_priors)
     cloud = cloud.taken(resampled(prior, generator))
     while True:
         following = next_count(cloud.curves, reached)
+        # If the step could go to the end of the runs, they may be too short for it: the points run
+        # over more of the record first.
         if following >= ahead and ahead < target.count:
             ahead = min(int(AHEAD * ahead) + 1, target.count)
             cloud = evaluated(target, cloud.points, ahead)
             continue
+        # Weights by what this part of the record adds to the likelihood.
         increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
         weights, _ = normalised(increments)
         reached, steps = following, steps + 1
         last = reached >= target.count
+        # New points need not run much farther than the likelihood, so the old ones are shortened.
         ahead = min(int(AHEAD * reached) + 2, ahead)
         cloud = Cloud(cloud.points, cloud.curves[:, : ahead + 1], cloud.log_priors)
         cloud, acceptance = mutated(target, cloud, weights, reached, last, generator)
@@ -157,12 +175,14 @@ def draw(
 
 
 def refined(target: Target, drawn: Drawn, runs: int, generator: np.random.Generator) -> Drawn:
-    """Return a posterior with points drawn anew, by importance sampling from wider kernels.
+    """Return a posterior with points drawn anew, by importance sampling.
 
-    The quantiles of a small cloud are inaccurate, because its tails are a few points that moved
-    little. Here each of many runs has a weight, and points are drawn from them.
+    The quantiles of a small cloud are inaccurate, because few points are in its tails, and they
+    have moved little. Here many runs are made at points drawn from wide normal distributions around
+    the cloud, and points of the posterior are drawn from these by weight.
 
-    **Arguments:** `runs`: number of runs, from which five times as many points are drawn as before.
+    **Arguments:** `target`: the posterior; `drawn`: points of it; `runs`: number of runs, from
+    which `MORE` times as many points are drawn as before; `generator`: source of random numbers.
 
     **Raises:** `FloatingPointError` if all runs fail.
     """
@@ -170,6 +190,7 @@ def refined(target: Target, drawn: Drawn, runs: int, generator: np.random.Genera
     around = Mixture.around(drawn.points, np.full(count, 1.0 / count))
     wider = Mixture(around.centres, WIDER * around.roots, around.weights)
     points = wider.drawn(runs, generator)
+    # Outside the box the prior is zero, so these points need no run.
     points = points[((points >= target.low) & (points <= target.high)).all(axis=1)]
     cloud = evaluated(target, points, target.count)
     chi_squared = cloud.curves[:, -1]
@@ -179,14 +200,16 @@ def refined(target: Target, drawn: Drawn, runs: int, generator: np.random.Genera
 
 
 def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
-    """Return points (n, p) in the box with chi squared over the first `ahead` times."""
+    """Return points (n, p), all in the box, with their chi squared over the first `ahead` times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
 def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
 
-    **Arguments:** `curves`: (n, T + 1) over the first 0 to T times.
+    It is infinite from the first sample that a run misses.
+
+    **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times.
     """
     full = min(int(count), curves.shape[1] - 1)
     part = count - full
@@ -198,19 +221,25 @@ def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, "
 
 
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
-    """Return up to how many times the likelihood may grow in a step from `reached` times.
+    """Return the number of times up to which the next step brings the record into the likelihood.
 
-    The effective number of points then falls to `KEPT` of all.
+    The number may be a fraction. The step is so long that the effective number of points, by their
+    new weights, falls to the share `KEPT`, or it goes to the end of the runs.
+
+    **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times; `reached`: number
+    of times that are already in the likelihood.
     """
     before, last = level(curves, reached), curves.shape[1] - 1
 
     def enough(count: float) -> bool:
+        """Return whether enough effective points remain after a step to `count` times."""
         with np.errstate(invalid="ignore"):
             weights, _ = normalised(0.5 * (before - level(curves, count)))
         return 1.0 / (weights**2).sum() >= KEPT * len(curves)
 
     if enough(float(last)):
         return float(last)
+    # The effective number falls as the step grows.
     low, high = reached, float(last)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -219,10 +248,11 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
 
 def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
-    """Return weights whose logarithms are given up to a constant, with sum 1, and the logarithm of
-    their mean before.
+    """Return weights (n,) in proportion to exp(logarithms), and the logarithm of the mean of these.
 
-    **Raises:** `FloatingPointError` if all are zero.
+    The sum of the weights is 1. Logarithms that are NaN count as -inf.
+
+    **Raises:** `FloatingPointError` if all weights are zero.
     """
     finite = np.where(np.isnan(logarithms), -np.inf, logarithms)
     largest = finite.max()
@@ -235,9 +265,12 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
 def resampled(
     weights: Float[np.ndarray, " n"], generator: np.random.Generator, count: int | None = None
 ) -> np.ndarray:
-    """Return indices (count,) of points drawn with given weights by systematic resampling; by
-    default n."""
+    """Return indices (count,) of points drawn by systematic resampling, in rising order.
+
+    **Arguments:** `weights`: (n,) of sum 1; `count`: number of points to draw, by default n.
+    """
     count = len(weights) if count is None else count
+    # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count
     return np.minimum(np.searchsorted(np.cumsum(weights), ticks), len(weights) - 1)
 
@@ -250,14 +283,16 @@ def mutated(
     last: bool,
     generator: np.random.Generator,
 ) -> tuple[Cloud, float]:
-    """Return a weighted cloud resampled and moved, and the share of accepted moves.
+    """Resample a weighted cloud and move its points; return it and the share of accepted moves.
 
-    Moves alternate between draws from a mixture of normal distributions around the weighted points
-    and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version
-    of the genetic algorithm Differential Evolution*, 2006). Both follow a cloud that is curved or
-    in several parts.
+    Moves separate the copies that resampling makes. They are accepted by the rule of Metropolis and
+    Hastings, so that points stay distributed as the posterior of the record so far. Moves alternate
+    between draws from a mixture of normal distributions around the weighted points and steps along
+    differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of the genetic
+    algorithm Differential Evolution*, 2006). Both follow a curved cloud, or one in several parts.
 
-    **Arguments:** `reached`: number of times in the likelihood; `last`: whether that is all.
+    **Arguments:** `cloud`: the points, and `weights`: (n,) of sum 1; `reached`: number of times in
+    the likelihood; `last`: whether that is the whole record.
     """
     mixture = Mixture.around(cloud.points, weights)
     moved = cloud.taken(resampled(weights, generator))
@@ -266,9 +301,10 @@ def mutated(
     most, enough = (SWEEPS_LAST, ACCEPTED_LAST) if last else (SWEEPS, ACCEPTED)
     for sweep in range(most):
         if sweep % 2 == 0:
+            # Draws that do not depend on the present point need the ratio of their densities.
             points = mixture.drawn(number, generator)
             ratios = mixture.log_density(moved.points) - mixture.log_density(points)
-        else:
+        else:  # A symmetric step, whose ratio is 1.
             points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
         others, inside = evaluated_inside(target, points, moved)
         before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
@@ -284,24 +320,28 @@ def mutated(
 def evaluated_inside(
     target: Target, points: Float[np.ndarray, "n p"], others: Cloud
 ) -> tuple[Cloud, np.ndarray]:
-    """Return points (n, p) with chi squared, and whether each is in the box, (n,).
+    """Return points (n, p) with their chi squared, and whether each is in the box, (n,).
 
-    A point outside the box is not run; it is replaced by that of `others` at its place.
+    A point outside the box is not run. In the returned cloud, the point of `others` at its index
+    takes its place.
     """
     inside = np.all((points >= target.low) & (points <= target.high), axis=1)
     if not inside.any():
         return others, inside
     new = evaluated(target, points[inside], others.curves.shape[1] - 1)
+    # `new` has only the points inside; they are spread over the n indices.
     return others.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0))), inside
 
 
 def evidence(target: Target, cloud: Cloud, generator: np.random.Generator) -> tuple[float, float]:
     """Return the logarithm of the mean of exp(-chi squared / 2) over the prior, and its standard
-    error, from points of the posterior.
+    error.
 
     Bridge sampling compares half of the points with draws from a mixture around the other half,
-    because a mixture around the same points has too large a density at them. Both halves take both
-    parts, and the result is their mean.
+    because a mixture around the same points has too large a density at them. Then the halves change
+    places, and the result is the mean of both.
+
+    **Arguments:** `target`: the posterior; `cloud`: points of it, run over the whole record.
     """
     from scipy.stats import qmc
 
@@ -311,6 +351,7 @@ def evidence(target: Target, cloud: Cloud, generator: np.random.Generator) -> tu
         bridge(target, cloud.taken(one), cloud.taken(other), generator)
         for one, other in (halves, halves[::-1])
     ]
+    # The prior is given up to a constant, so the result is divided by its integral over the box.
     sides = target.high - target.low
     box = qmc.LatinHypercube(len(sides), rng=generator)
     prior = normalised(target.log_prior(target.low + sides * box.random(PRIOR_POINTS)))[1]
@@ -322,7 +363,14 @@ def bridge(
     target: Target, half: Cloud, other: Cloud, generator: np.random.Generator
 ) -> tuple[float, float]:
     """Return the logarithm of the integral of exp(-chi squared / 2) times the prior, and its
-    standard error, from points of the posterior and draws of a mixture around other such points."""
+    standard error.
+
+    Bridge sampling compares points of the posterior with as many draws from a mixture, whose
+    integral is 1.
+
+    **Arguments:** `target`: the posterior; `half`: points of it, run over the whole record;
+    `other`: other points of it, around which the mixture is.
+    """
     from scipy.special import expit
 
     n = len(half.points)
@@ -332,7 +380,8 @@ def bridge(
     logarithms = draws.log_priors - 0.5 * draws.curves[:, -1] - mixture.log_density(drawn)
     at_draws = np.where(inside, logarithms, -np.inf)
     at_points = half.log_priors - 0.5 * half.curves[:, -1] - mixture.log_density(half.points)
-    # Each iteration compares both densities at the integral of the iteration before.
+    # With the right integral the means of `forward` and `backward` are equal. Each iteration
+    # multiplies the integral by their ratio.
     integral = float(np.median(at_points))
     for _ in range(BRIDGES):
         forward, backward = expit(at_draws - integral), expit(integral - at_points)
@@ -340,6 +389,7 @@ def bridge(
         integral += change
         if abs(change) < 1e-9:
             break
+    # Copies that resampling has made are no independent points.
     copies = np.unique(half.points, axis=0, return_counts=True)[1]
     independent = n**2 / (copies**2).sum()
     variance = forward.var() / (n * max(forward.mean(), 1e-300) ** 2)
@@ -352,7 +402,10 @@ def differences(
     weights: Float[np.ndarray, " n"],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "n p"]:
-    """Return differences (n, p) of random pairs of weighted points, times the usual step length."""
+    """Return differences (n, p) of random pairs of weighted points, times 2.38/sqrt(2 p).
+
+    Steps of this length are the most efficient for a normal distribution (ter Braak, 2006).
+    """
     count, p = points.shape
     pairs = generator.choice(count, (2, count), p=weights)
     return 2.38 / math.sqrt(2.0 * p) * (points[pairs[0]] - points[pairs[1]])
@@ -360,10 +413,10 @@ def differences(
 
 @dataclass(frozen=True)
 class Mixture:
-    """Mixture of m normal distributions.
+    """Mixture of n normal distributions in p dimensions.
 
-    - `centres`: (m, p); `roots`: (n, p, p) lower Cholesky factors of the covariances.
-    - `weights`: (n,), of the distributions; their sum is 1.
+    - `centres`: (n, p) means; `roots`: (n, p, p) lower Cholesky factors of the covariances.
+    - `weights`: (n,) of the distributions; their sum is 1.
     """
 
     centres: Float[np.ndarray, "n p"]
@@ -372,9 +425,15 @@ class Mixture:
 
     @staticmethod
     def around(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> "Mixture":
-        """Return normal distributions around points (n, p), each with the covariance of the points
-        near it, and one wide distribution around all points."""
+        """Return a mixture of n + 1 normal distributions that follows a cloud of n points.
+
+        There is one around each point, with the covariance of the points near it and the weight of
+        the point, and a wide one around all points.
+
+        **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1.
+        """
         count, p = points.shape
+        # Enough points for a covariance, and so few that they follow a curved region.
         near = min(max(4 * (p + 1), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
         whole = (weights[:, None] * (points - mean)).T @ (points - mean)
@@ -382,10 +441,12 @@ class Mixture:
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
-        # Points of weight zero, such as failed runs, are no centres, but may be all that is near.
+        # Points of weight zero, such as failed runs, have no distribution, but may be all that is
+        # near another point. The small constant then avoids a division by zero.
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
+        # A share of the whole covariance keeps that of nearly equal points from being singular.
         covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
         # The wide distribution reaches parts of the region from which all points have been lost.
         centres = np.concatenate([points, mean[None]])
@@ -393,13 +454,13 @@ class Mixture:
         return Mixture(centres, roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
-        """Draw points (number, p)."""
+        """Return random points of the mixture, (number, p)."""
         chosen = generator.choice(len(self.weights), number, p=self.weights)
         normal = generator.standard_normal((number, self.centres.shape[1]))
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
-        """Return the logarithm of the density at points (m, p)."""
+        """Return the logarithm of the mixture's density at points (m, p), (m,)."""
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)

@@ -1,30 +1,35 @@
 """Level sets of chi squared: points that fit about as well as the best, and new points in the set.
 
-Curves of chi squared are cumulative over the record. As more of the record is used, the set of
-points whose chi squared exceeds the smallest by less than a given excess shrinks.
+A point is the coordinates of p parameters. Its curve of chi squared is cumulative over the record:
+chi squared over the first k times is that of all samples up to the k-th of the T sample times.
+The level set of some points contains those whose chi squared exceeds the smallest by less than a
+given excess. It shrinks as more of the record is used.
 """
 
 import numpy as np
 from jaxtyping import Float, Int
 
 HALVINGS = 40
+"""Number of bisections that find the fraction of a sample in `reached`."""
 SPLIT = 1e-12
-"""Smallest variance, relative to those of the coordinates, that is not treated as zero."""
+"""Smallest variance of points along a principal axis, relative to those of the coordinates. A
+smaller one is raised to it, because distances are divided by its root."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return for how many of the T times `keep` points stay in the level set; a fraction is
-    possible.
+    """Return up to how many of the T sample times at least `keep` points stay in the level set.
 
-    The level set has all points with a chi squared at most `excess` above the smallest.
+    The number, from 0 to T, may be a fraction, see `level`. Over a longer part of the record, fewer
+    points fit about as well as the best.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
-    times.
+    times; `keep`: a number of points; `excess`: largest chi squared over the smallest in the set.
     """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
+    # The gap exceeds the excess between this number of times and the next.
     last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -47,9 +52,11 @@ def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, "
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
-    """Return the `keep`-th smallest value over the n points less the smallest value.
+    """Return the `keep`-th smallest value over n points less the smallest value, (...).
 
-    `values`: (n, ...), of which the first axis is reduced.
+    At least `keep` points are in the level set if this is at most its excess.
+
+    **Arguments:** `values`: (n, ...) chi squared.
     """
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
@@ -57,8 +64,8 @@ def _gap(values: np.ndarray, keep: int) -> np.ndarray:
 def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
     """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
 
-    Each next point has the largest distance from the nearest of those chosen before, in standard
-    deviations of all points (n, p).
+    The next point is always the one whose distance from the nearest point chosen before is largest.
+    Distances are in standard deviations of all points (n, p), along their principal axes.
     """
     distances = _distances(points)
     chosen = [0]
@@ -79,22 +86,28 @@ def among(
     Each is drawn from a normal distribution around one of the points, with the covariance of that
     point's `neighbours` nearest points, so that new points follow a curved or disconnected region.
     New points beyond the `bounds`, low (p,) and high (p,), are reflected at them.
+
+    **Arguments:** `number`: number of new points; `neighbours`: including the point itself.
     """
     neighbours = min(neighbours, len(points))
     near = np.argsort(_distances(points), axis=1)[:, :neighbours]
     around = generator.integers(0, len(points), number)
     cloud = points[near[around]]
     offsets = cloud - cloud.mean(axis=1, keepdims=True)
+    # A sum of the neighbours' offsets with these weights has their covariance, without a matrix.
     weights = generator.standard_normal((number, cloud.shape[1], 1)) / np.sqrt(neighbours - 1)
     normal = points[around] + (weights * offsets).sum(axis=1)
     low, high = bounds
+    # Reflected at the lower bound, then at the upper one; very distant points stay at a bound.
     reflected = high - np.abs(high - (low + np.abs(normal - low)))
     return np.clip(reflected, low, high)
 
 
 def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return the distances (n, n) between points (n, p), in standard deviations along principal
-    axes."""
+    """Return the distances (n, n) between points (n, p).
+
+    They are in standard deviations of all points along their principal axes.
+    """
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

@@ -1,7 +1,9 @@
 """Curves of chi squared over the record, for many values of the parameters, without derivatives.
 
-The runs are lanes (`clearjoint.simulation.lanes.scheduler`) and cost a small fraction of runs
-with derivatives. Of each run only the curve of chi squared is kept.
+The runs are lanes: they are computed side by side (`clearjoint.simulation.lanes.scheduler`) and
+cost a small fraction of runs with derivatives. Of each run only the curve of chi squared over the
+record is kept. A length of the record is given as a number of its sample times: chi squared over
+the first k times is that of all samples up to the k-th time.
 """
 
 from collections.abc import Callable
@@ -23,6 +25,7 @@ from ...simulation.lanes.tasks import Common, Task
 from ..residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"
+"""Name of the table in which each lane records its outputs."""
 TOGETHER = 64
 """Number of runs whose samples are compared with the data in one call."""
 
@@ -31,46 +34,52 @@ TOGETHER = 64
 class SideBySide:
     """Runs of an experiment as lanes, and the samples with which they are compared.
 
+    Screenings and posteriors take chi squared at many points from it, without derivatives.
+
     - `runs`: scene with its parameters, and the measured outputs.
-    - `data`: the samples of S series at T times.
+    - `data`: the samples of S series at T times; more times without samples follow as padding.
     """
 
     runs: Experiment
     data: Samples
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The first batch, whose programs serve the others."""
+    """The latest batch, whose compiled programs the next one reuses; empty at first."""
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
-        """Times of the samples, (T,) s; the last time is repeated as padding."""
+        """Times of the samples, s, followed by copies of the last one as padding."""
         return np.asarray(self.runs.times)
 
     @property
     def count(self) -> int:
-        """Number of times T without the padding."""
+        """Number T of times up to the last sample, without the padding."""
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the time, s, of sample number `count`, counted from 1 and rounded up; for 0 the
-        start."""
+        """Return the end of the record's part with the first `count` times, s.
+
+        A fraction is rounded up. For 0, the end is the start of the run.
+        """
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared, cumulated over the first 0 to `count` times, of n runs, (n, count +
-        1).
+        """Return chi squared of n runs, (n, count + 1): column k is that of the first k sample
+        times.
 
-        Samples that a run does not reach have the residual `UNREACHED`. With `smoothing` above 1,
-        residuals are averaged over this number of times.
+        Samples that a run does not reach have the residual `UNREACHED`.
 
-        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
+        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run; `count`:
+        number of times after which runs end; `smoothing`: number of times over which residuals are
+        averaged, 1 for none.
         """
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
+            """Compare the waiting predictions with the data."""
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
@@ -79,6 +88,8 @@ class SideBySide:
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
         def keep(lane: int, predicted: np.ndarray) -> None:
+            # Lanes end in any order. They are compared in groups, because the predictions of all
+            # lanes would take much memory.
             waiting[lane] = predicted
             if len(waiting) == TOGETHER:
                 take()
@@ -89,8 +100,9 @@ class SideBySide:
         return curves
 
     def predictions(self, coordinates: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n S T"]:
-        """Return the predicted values of the S series at all T times in n runs, SI; NaN at times
-        that a run does not reach.
+        """Return the predicted values of the S series at the T times in n runs, (n, S, T), SI.
+
+        Values are NaN at times that a run does not reach.
 
         **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
         """
@@ -105,13 +117,16 @@ class SideBySide:
     def _run(
         self, coordinates: np.ndarray, count: int, keep: Callable[[int, np.ndarray], None]
     ) -> None:
-        """Run lanes at coordinates (n, p) over the first `count` times.
+        """Run lanes at n points over the first `count` times.
 
-        **Arguments:** `keep`: receives the number of each lane and its predictions, (S, padded T).
+        **Arguments:** `coordinates`: (n, p) of the points; `keep`: function that is called when a
+        lane has ended, with its number from 0 and its predictions, (S, times with padding) in SI,
+        NaN at times that it did not reach and after the first `count`.
         """
         instants, sample_indices = self._instants(coordinates, count)
 
         def on_ended(ended: Ended) -> None:
+            # A lane has recorded rows up to the time that it reached.
             rows, counts = ended.logs[LOG]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)
@@ -121,12 +136,18 @@ class SideBySide:
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
                 keep(lane, predicted)
 
+        # A batch with the tasks of another keeps its compiled programs.
         tasks = self._tasks(coordinates, instants)
         batch = self._batches[0].with_tasks(tasks) if self._batches else Batch(self._common, tasks)
         self._batches[:] = [batch]
         batch.run(range(len(coordinates)), on_ended)
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
+        """Return the data of n lanes at coordinates (n, p).
+
+        **Arguments:** `instants`: (n, K) s, rising times at which to record, infinite after the
+        last; a lane ends at its last finite time.
+        """
         lanes = len(coordinates)
         # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
         rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
@@ -142,10 +163,16 @@ class SideBySide:
         )
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the times at which the runs are recorded, and the indices of the samples.
+        """Return the times at which n runs are recorded, and where the samples are among them.
 
-        **Returns:** times (n, K), s, infinite after the last; and for each series the indices of
-        its samples in these times, (n, count), or (1, count) if they are the same for all runs.
+        A series with a delay is compared at its sample times minus the delay, which differ from
+        run to run, because each has its own parameters.
+
+        **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of times to record.
+
+        **Returns:** times (n, K), s, rising, infinite after the last; and for each series the
+        indices of its `count` times in these, (n, count), or (1, count) if they are the same for
+        all runs.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.delays:
@@ -155,13 +182,16 @@ class SideBySide:
         shift = dict.fromkeys(runs.names, np.zeros(lanes))
         for number, names in runs.delays:
             shift |= dict.fromkeys(names, np.asarray(runs.delay(number, jnp.asarray(coordinates))))
+        # Before the start there is only the initial state.
         start = float(runs.start_time)
         queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
+        # All series of a delay have the same times.
         delayed = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
         every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
         instants = np.full((lanes, len(self.times) * (1 + len(runs.delays))), np.inf)
         sample_indices = [np.zeros((lanes, count), int) for _ in runs.names]
         for lane, row in enumerate(every):
+            # A lane records rising times, each once: those of all series are merged.
             rising = np.unique(row)
             instants[lane, : len(rising)] = rising
             for indices, name in zip(sample_indices, runs.names, strict=True):
@@ -170,10 +200,13 @@ class SideBySide:
 
     @cached_property
     def _varied(self) -> PyTree[bool]:
+        """Whether each leaf of the scene depends on the parameters; a PyTree like the scene."""
         return self.runs.family.varied()
 
     @cached_property
     def _common(self) -> Common:
+        """Data that all lanes share: the method, the outputs, and what does not depend on the
+        parameters."""
         runs = self.runs
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
@@ -184,9 +217,11 @@ class SideBySide:
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return the varied leaves of n scenes, and n initial states, at coordinates (n, p).
+    """Return the leaves of n scenes that differ, and n initial states, at coordinates (n, p).
 
-    Each leaf is an array (n, ...). `varied`: PyTree like the scene, true for leaves to return.
+    Each leaf is an array (n, ...).
+
+    **Arguments:** `varied`: PyTree like the scene, true for leaves to return; others are ``None``.
     """
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
@@ -196,9 +231,11 @@ def _scenes_and_states(
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
     """Return chi squared of n runs, cumulated up to each time, (n, T).
 
-    **Arguments:** `predicted`: (n, S, T) outputs, SI; `smoothing`: length of the
-    moving average of residuals, which ends at each time; zeros precede the first time.
+    **Arguments:** `predicted`: (n, S, T) outputs, SI, NaN at times that a run did not reach;
+    `smoothing`: number of times of the moving average of residuals, which ends at each time; zeros
+    precede the first time.
     """
+    # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)

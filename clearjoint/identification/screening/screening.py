@@ -26,18 +26,23 @@ from .level_sets import among, apart, level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
-"""Probability of the chi squared distribution with p degrees of freedom that gives the largest
-excess over the smallest chi squared at which points are kept."""
+"""Points fit about as well as the best if their chi squared exceeds the smallest by at most the
+quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
-"""Tolerance of the integration in screening runs, relative to that of the fit."""
+"""Tolerance of the integration in screening runs, relative to that of the fit. With
+the default settings it becomes 1e-6, that of `simulate`. Screening only ranks points, and the fit
+from the best of them is accurate."""
 FEW = 4
-"""A round's runs end at the part of the record that leaves this number of points."""
+"""Number of present points that must still fit the part of the record over which the next round
+runs. Hardly any new point would fit more of the record."""
 FIRST = 4
-"""Number of points in the first round relative to the other rounds."""
+"""Number of points in the first round, which fills the whole box, relative to the number of new
+points in other rounds."""
 NEIGHBOURS = 2
-"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw points."""
+"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
+around it. A covariance of p parameters needs at least p + 1 points."""
 EIGHTH = 8
-"""The first round begins with this fraction of the record, 1/8."""
+"""Denominator of the fraction of the record over which the first round runs, 1/8."""
 
 
 @dataclass(frozen=True)
@@ -133,11 +138,12 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around a guess, and return the points that fit best.
+    """Screen the box around a guess once, and return the points that fit best.
 
-    **Arguments:** `lanes`: the runs, and the samples with which they are compared; `centre`: (p,)
-    coordinates of the guess; `names`: names of the p parameters; `number`: number of the pass, from
-    0, which changes the random numbers; `progress`: whether to show a line.
+    **Arguments:** `screening`: the user's options; `lanes`: the runs, and the samples with which
+    they are compared; `centre`: (p,) coordinates of the guess; `names`: names of the p parameters;
+    `number`: number of the pass, from 0, which changes the random numbers; `progress`: whether to
+    show a line.
     """
     from scipy.special import chdtri
     from scipy.stats import qmc
@@ -146,6 +152,7 @@ def screen(
     excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
+    # The points of the first round fill the box from -1 to 1 times its half width.
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
     ahead = max(lanes.count // EIGHTH, 1)  # Number of times of the runs in this round.
     times, runs = [], 0
@@ -153,6 +160,7 @@ def screen(
     with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
+            # The part of the record over which enough points fit about as well as the best.
             count = reached(curves, screening.keep, excess)
             misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
@@ -164,11 +172,12 @@ def screen(
             if complete or len(times) == screening.rounds:
                 starts = kept[apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
-            # If all points fit the runs to their end, the same points run farther.
+            # If enough points fit all of these runs, the runs were too short to choose among them:
+            # the same points run farther.
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            # Few of the new points will fit farther than the best present points.
+            # Hardly any new point will fit more of the record than the best present ones.
             ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
             bounds = centre - spread, centre + spread
             new = among(kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
@@ -183,12 +192,14 @@ def search_screened(
     progress: bool,
     search_from: Callable[[np.ndarray], Search],
 ) -> tuple[Screened, ...]:
-    """Screen and search from the starts, until noise explains the smallest chi squared.
+    """Screen and search from the starts found, until noise explains the smallest chi squared.
 
-    **Arguments:** `search_from`: function that searches from coordinates (p,). The others are those
-    of `screen`.
+    There are at most `screening.passes` passes, each with other random numbers.
 
-    **Returns:** the result of each pass.
+    **Arguments:** `search_from`: function that searches from a start, coordinates (p,), with
+    derivatives; it also keeps its result for the caller. The others are those of `screen`.
+
+    **Returns:** the result of each screening pass.
     """
     degrees_of_freedom = lanes.data.count - len(names)
     searches: list[Search] = []
@@ -197,6 +208,7 @@ def search_screened(
         screened.append(screen(screening, lanes, centre, names, number, progress))
         searches += map(search_from, screened[-1].starts)
         chi_squared = best_search(searches).best.chi_squared
+        # Also ends without degrees of freedom, where the probability is NaN.
         if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
             break
     return tuple(screened)
