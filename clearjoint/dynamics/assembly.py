@@ -36,10 +36,11 @@ TOLERANCE = 1e-12
 equations between directions."""
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
-which a run may start."""
+which a run may start. The value is far above rounding errors, and small beside a clearance."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
-conversion to variables and back. Rounding errors are far smaller."""
+conversion to variables and back. Rounding errors are far smaller, and the difference of a state
+that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -76,8 +77,8 @@ def assemble(
     """Find the state nearest to a guess that satisfies the constraints, with each journal in its
     bearing.
 
-    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing keeps the
-    position of the guess. A journal that penetrates the wall by more than a micrometre is put into
+    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing is not moved
+    by its clearance joint. A journal that penetrates the wall by more than a micrometre is put into
     the centre of the bearing, and gets the velocity that an ideal joint would give it.
 
     **Arguments:**
@@ -151,13 +152,14 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
             break
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
+    # The iteration aims at TOLERANCE, but rounding errors may keep the values slightly above it.
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
-    # The iteration stops at TOLERANCE. Rounding errors may keep the values slightly above it, so
-    # larger values were accepted here. For velocities the constraints are linear: one projection
-    # solves them, and a second one removes the rounding errors of the first.
+    # For velocities the constraints are linear: one projection solves them, and a second one
+    # removes the rounding errors of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
+    # The same limit as for positions, per second.
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.entry_speeds, state.work, state.bristles)
 
@@ -216,7 +218,10 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates of a scene have at least one variable, without compiling anything.
+    """Check that the coordinates of a scene have at least one variable.
+
+    A sweep calls this once for all its runs, since the variables depend only on the structure of
+    the scene. Nothing is computed or compiled: JAX only traces the conversion to variables.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
@@ -240,10 +245,13 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """Return the variables of a state, and the states of the bodies, by name, converted back from
-    the variables.
+    """Convert a state to the variables of a formulation's coordinates, and back.
 
-    Scene and state, and the returned states, have vectors as arrays (3,).
+    If the states after the conversion differ from the given ones, the coordinates cannot represent
+    the given state (see `require_representable`).
+
+    **Returns:** the variables, and the states of the bodies by name, converted back from the
+    variables. Scene, state and the returned states have vectors as arrays (3,).
     """
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(state.bodies))
@@ -282,7 +290,11 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    """Return the states of the bodies, by name, after a `projection` onto the constraints at time
-    t, s: a method of `System` that corrects positions or velocities."""
+    """Return the states of the bodies, by name, after one correction towards the constraints.
+
+    **Arguments:** `projection`: the method of `System` that corrects the variables, either
+    `project_positions` or `project_velocities`; `bodies`: the states before, by name; `t`: s, time
+    at which the constraints are evaluated.
+    """
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

@@ -43,13 +43,13 @@ class ConstraintReport:
     bodies.
 
     - `names`: m strings, each "joint: label".
-    - `values`: (m,), Phi, in m or without unit.
-    - `rates`: (m,), time derivatives of Phi, m/s or 1/s.
+    - `values`: (m,), Phi, in m, rad or without unit.
+    - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
       (rad/s, body axes) of each body, in the scene's order of bodies.
     - `redundant`: names of the rows that depend linearly on rows before them.
-    - `uncertain`: names of the rows that nearly do. No run can start with such rows, since rounding
-      errors would determine its reactions.
+    - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
+      such rows, since rounding errors would determine its reactions.
     """
 
     names: tuple[str, ...]
@@ -94,7 +94,7 @@ def constraint_report(
 
 
 class StartRows(NamedTuple):
-    """Constraint rows of a scene in an initial state.
+    """Constraint rows of a scene in an initial state, as arrays, for the checks before a run.
 
     Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
     that of the coordinates' speeds, and v six times the number of bodies.
@@ -102,8 +102,8 @@ class StartRows(NamedTuple):
     - `values`, (m,), `rates`, (m,), `jacobian`, (m, v), and `all_names`: of all rows, as in
       `ConstraintReport`.
     - `names`: of the n rows that remain.
-    - `left`: (n, s), Jacobians of these rows by the coordinates' speeds, each divided by the norm
-      of the same row of `jacobian`.
+    - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
+      divided by the norm of the same row of `jacobian`.
 
     Arrays without rows have the shape (0,).
     """
@@ -164,10 +164,10 @@ _start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for N scenes and states, with an additional first axis of
+    """Return the result of `start_rows` for the N runs of a sweep, with an additional first axis of
     length N in each array.
 
-    The names, which are the same for all scenes, have no such axis.
+    The names of the rows are the same for all runs.
 
     **Arguments:**
 
@@ -216,7 +216,7 @@ def dependent(
     **Arguments:**
 
     - `names`: of the n rows.
-    - `rows`: (n, s), normalised.
+    - `rows`: (n, s), divided by their norms as in `StartRows.left`.
     - `known`: a cache that is read and extended: for the bytes of `rows`, the distance, (n,), of
       each row from the span of the rows before it. Scenes of a sweep often have equal rows.
     """

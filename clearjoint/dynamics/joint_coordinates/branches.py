@@ -73,8 +73,8 @@ class AbstractBranch(abc.ABC):
     ) -> MotionVariables:
         """Return the time derivatives of the variables for given rates of the speeds.
 
-        **Arguments:** `speeds`: the rates of the speeds, relative to the parent; `gravity`: m/s^2,
-        global.
+        **Arguments:** `speeds`: the time derivatives of the speeds, relative to the parent;
+        `gravity`: m/s^2, global.
         """
 
     @abc.abstractmethod
@@ -100,7 +100,8 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def falls(self) -> bool:
-        """Return whether the rates of the speeds are relative to free fall."""
+        """Return whether the time derivatives of the speeds are relative to free fall, so that
+        gravity has to be added to them."""
 
 
 @dataclass(frozen=True)
@@ -269,7 +270,7 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
     Bodies that ideal joints connect to the ground come first. Bodies are visited breadth first, so
     that chains are short. Of connected bodies without a joint to the ground, one becomes a free
     root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
-    position. The trees follow from names alone.
+    position. The trees depend on the types and names of joints and bodies, but on no numbers.
     """
     placed = {GROUND}
     trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
@@ -304,7 +305,8 @@ def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch
         if len(bodies) != 2 or parent not in bodies:
             continue
         body = bodies[1] if parent == bodies[0] else bodies[0]
-        # Asked last: the subspace takes operations that JAX traces.
+        # The subspace is made last, because that takes operations, which JAX would trace for
+        # nothing.
         if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:
             placed.add(body)
             children.append(JointedBranch(body, parent, name, subspace))
