@@ -34,6 +34,11 @@ from .operations import Symbol, Value
 
 
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
+    """Add a branch (`jax.lax.cond`), and return its results.
+
+    The condition is a bool, or the index of a branch. Only the chosen branch is added if the
+    condition is known, both are computed if they are short, and otherwise the program jumps.
+    """
     branches = equation.params["branches"]
     ops = lower.ops
     assert isinstance(condition, int)
@@ -43,9 +48,11 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return lower.inline(chosen, arguments)
     if len(branches) != 2:
         raise UnsupportedPrimitiveError("switch between more than two branches")
+    # From here on there are two branches, and the second one is executed if the condition holds.
     if ops.kinds[condition] != "b":
         condition = Symbol(ops, condition).compare("gt", 0).value
     no, yes = branches
+    # A choice between large arrays in memory would copy them, so it is made by a jump.
     in_memory = any(aval_of(v).size > LARGEST_UNROLLED for v in equation.outvars)
     no_size, yes_size = (count_equations(branch.jaxpr) for branch in branches)
     if not in_memory and max(no_size, yes_size) <= LONGEST_CHOICE:
@@ -54,6 +61,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return _selected(lower, condition, lower.inline(yes, arguments), no_results)
     if ops.width == 1:
         return _branch(lower, condition, yes, no, arguments)
+    # In several lanes both branches may be executed, each for the lanes that need it.
     opposite = ops.emit("not", "b", condition)
     yes_results = _if_any(lower, condition, yes, arguments, yes_size, in_memory)
     no_results = _if_any(lower, opposite, no, arguments, no_size, in_memory)
@@ -137,6 +145,7 @@ def _branch(
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
+    """Add a loop (`jax.lax.while_loop`), and return its results."""
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
@@ -181,6 +190,7 @@ def loop(
     - `uniform`: whether the condition is the same in all lanes.
     """
     ops = lower.ops
+    # The body overwrites its carries, so others' arrays are copied.
     first = [lower.copied(a) if isinstance(a, InMemory) and not a.owned else a for a in first]
     if ops.width > 1 and not uniform and any(isinstance(a, InMemory) for a in first):
         raise UnsupportedPrimitiveError("loops over large arrays in lanes")
@@ -229,12 +239,18 @@ def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Arra
 
 
 def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
+    """Add a loop over rows of arrays (`jax.lax.scan`), and return its results.
+
+    The rows are read from memory and the outputs are written there, both at an index that the loop
+    counts. The results are the last carries, then the arrays of outputs.
+    """
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
         constants, carried = parameters["num_consts"], parameters["num_carry"]
     else:  # From JAX 0.11 on.
         constants, carried, _ = map(len, parameters["ft_in"].unpack())
     length, closed = parameters["length"], parameters["jaxpr"]
+    # Constants and inputs are read in each iteration, and must not be overwritten.
     consts = [borrowed(a) for a in arguments[:constants]]
     first = list(arguments[constants : constants + carried])
     avals = [aval_of(v) for v in equation.invars[constants + carried :]]
@@ -250,6 +266,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         """Return the row-major index of the first element of a row of an array."""
         return (Symbol(ops, row) * math.prod(memory.shape[1:])).value
 
+    # The first carry of the loop is the number of the iteration.
     def iterate(carries: list[Array]) -> list[Array]:
         k = carries[0]
         assert isinstance(k, int)

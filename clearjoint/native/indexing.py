@@ -81,6 +81,7 @@ def read_block(
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
+    # A large block is copied by a loop over consecutive cells.
     if not is_contiguous(offsets):
         raise UnsupportedPrimitiveError("dynamic_slice of many rows")
     out = lower.new_array(shape, memory.kind)
@@ -100,7 +101,11 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the index of the first element of a slice, and the offsets of its elements."""
+    """Return the index of the first element of a slice, and the offsets of its elements from there.
+
+    **Arguments:** `shape`: of the array; `sizes`, `starts`: along each axis, the slice's size and
+    the index at which it starts. As in JAX, a slice that extends beyond the array is moved inside.
+    """
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
@@ -122,6 +127,11 @@ def _dynamic_slice(
 def _dynamic_update_slice(
     lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
+    """Return an array in which the block that begins at `starts` is replaced by `update`.
+
+    In a small array at known indices, the values are exchanged without an operation. Otherwise the
+    block is written to memory, in place if nothing else reads the array.
+    """
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
     known = lower.ops.number(first)

@@ -26,17 +26,20 @@ from .operations import Operations, Symbol, Value
 WIDTH = 8
 """Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
 LONGEST_RUN = 4096
-"""Number of iterations after which the loop returns at the latest."""
+"""Number of iterations after which the loop returns at the latest, so that its host can react to an
+interrupt and show progress."""
 
 
 class AbstractLaneLoop(abc.ABC):
-    """A loop that advances the states of a group of lanes.
+    """A loop that advances the states of a group of lanes. The memory of the group has one column
+    for each lane.
 
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
       cases one array after the other.
     - `occupied`: cell that is 1 if the column has a lane, else 0.
-    - `status`: regions of the scalars that describe the status of a lane, by name.
+    - `status`: regions of the scalars that describe the status of a lane, by name, such as whether
+      it needs its host.
     """
 
     width: int

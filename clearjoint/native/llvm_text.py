@@ -95,6 +95,7 @@ class _Writer:
         """Return the text of the module; `result` is as in `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
+        # The last block is the program itself.
         blocks = [*self._program.functions, self._program.block]
         for block in reversed(blocks):  # A function is called only by later ones.
             self._mark(block)
@@ -136,7 +137,10 @@ class _Writer:
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Do for one entry what `_mark` does for a block."""
+        """Count the uses of values in an entry, and note whether the entry is needed.
+
+        **Returns:** whether the entry has an effect other than the values that it computes.
+        """
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:
@@ -221,6 +225,7 @@ class _Writer:
         self._write_straight(straight)
 
     def _write_straight(self, entries: list[Operation]) -> None:
+        """Write operations between which no branch or loop stands."""
         for entry in self._by_need(entries):
             result = self._written(entry)
             if entry.out is not None and result is not None:
@@ -313,10 +318,12 @@ class _Writer:
         return self._intrinsic("fma", form, given)
 
     def _intrinsic(self, name: str, form: Form, given: list[Word]) -> Word:
+        """Call one of LLVM's functions, whose result has the type `form`."""
         full = f"llvm.{name}.{_mangled(given[0].type)}"
         return self._builder.call(self._declared(full, form, given), given)
 
     def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
+        """Return a function outside of the module, which is declared at its first use."""
         known = self._module.globals.get(name)
         types = [value.type for value in given]
         return known or ir.Function(self._module, ir.FunctionType(form, types), name)
@@ -373,6 +380,7 @@ class _Writer:
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
+        """Write the read of a cell. Lanes that read different cells are read one by one."""
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -387,6 +395,7 @@ class _Writer:
         return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
 
     def _store(self, entry: Operation) -> None:
+        """Write the write to a cell. Lanes that write to different cells are written one by one."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder
@@ -402,6 +411,10 @@ class _Writer:
             builder.store(self._element(content, lane), pointer, align=8)
 
     def _write_branch(self, entry: Branch) -> None:
+        """Write a jump to one of two blocks, each of which continues after the branch.
+
+        There, a phi instruction gives each result the value from the block that was executed.
+        """
         builder, append = self._builder, self._builder.append_basic_block
         yes, no, end = append(), append(), append()
         builder.cbranch(self._holds_in_any(self._value(entry.condition)), yes, no)
@@ -419,6 +432,10 @@ class _Writer:
             self._values[out] = phi
 
     def _write_loop(self, entry: Loop) -> None:
+        """Write a loop whose head computes the condition, and either the body or the end follows.
+
+        Phi instructions in the head give the carries their first values, or those from the body.
+        """
         builder, append = self._builder, self._builder.append_basic_block
         before, head, body, end = builder.block, append(), append(), append()
         builder.branch(head)

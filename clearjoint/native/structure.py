@@ -53,6 +53,7 @@ def _rearranged(
 
 
 def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+    """Return the array with the same elements in another shape."""
     shape = tuple(aval_of(equation.outvars[0]).shape)
     if isinstance(array, InMemory):
         return [replace(array, shape=shape)]
@@ -60,6 +61,7 @@ def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> li
 
 
 def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
+    """Return the part of an array at known indices."""
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
@@ -71,6 +73,7 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 
 
 def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+    """Return the array repeated along new axes and along axes of length one."""
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
@@ -85,7 +88,10 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Arr
 
 
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
-    """Return one array with the elements of several arrays."""
+    """Return one array with the elements of several arrays.
+
+    **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
+    """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)
@@ -103,10 +109,15 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
+    """Return the array with the scalar `padding` around and between its elements.
+
+    For each axis, the parameter `padding_config` gives the numbers of paddings before, after and
+    between the elements; the first two may be negative.
+    """
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
-    # The padding is the element after the last one of the array.
+    # The padding is numbered as the element after the last one of the array.
     indices = np.full(out.shape, aval.size)
     targets, sources = [], []
     rows = zip(equation.params["padding_config"], aval.shape, out.shape, strict=True)
@@ -142,11 +153,13 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     """
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out, combine = aval_of(equation.outvars[0]), partial(apply, lower.ops, name)
+    # A large array can only be combined to one scalar, by a loop.
     if isinstance(array, InMemory):
         if out.shape != ():
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
         return [_cumulate_memory(lower, array, combine)[-1]]
     values = np.array(lower.values(array)).reshape(aval.shape)
+    # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
     rows = values.transpose([*others, *axes]).reshape(out.size, -1)
     # A sum one by one can absorb a product at each addition (a fused multiply-add); for all other
@@ -168,9 +181,10 @@ def _cumulate_memory(
 ) -> list[Value]:
     """Add a loop that combines all elements of an array in memory, from the first to the last.
 
-    **Arguments:** `out`: array to which the intermediate result after each element is written.
+    **Arguments:** `out`: array to which the intermediate result after each element is written;
+    ``None`` if only the total is needed.
 
-    **Returns:** an index and the total.
+    **Returns:** the carries of the loop: its index, and the total.
     """
     ops = lower.ops
     first = ops.load(array.kind, array.start)
@@ -236,6 +250,7 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
+    """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`)."""
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):
         raise UnsupportedPrimitiveError("dot_general of large arrays")
