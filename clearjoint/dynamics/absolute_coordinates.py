@@ -2,8 +2,9 @@
 
 All ideal joints are constraints, as in P. Flores et al., Spatial revolute joints with clearances
 for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The spin of a
-body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies;
-arguments and results of the type `Speeds` are lists with six numbers for each body.
+body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies,
+and their rates are the time derivatives; arguments and results of the type `Speeds` are lists with
+six numbers for each body.
 """
 
 from collections.abc import Callable
@@ -88,8 +89,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {name: normalised_body(body) for name, body in variables.items()}
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        """Return positions and orientations of `variables` with velocities and spins of
-        `others`."""
+        """Return variables with the positions and orientations of `variables` and the velocities
+        and spins of `others`."""
         del scene
         return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 

@@ -30,10 +30,11 @@ from .journals import centring_joints, outside, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`."""
+"""Largest number of Newton steps of the positions in `assemble`. Few are needed from a good guess,
+since the steps converge quadratically."""
 TOLERANCE = 1e-12
 """Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
-equations between directions."""
+equations between directions. It is slightly above the rounding errors of lengths of a metre."""
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
 which a run may start. The value is far above rounding errors, and small beside a clearance."""
@@ -196,8 +197,9 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that coordinates can represent an assembled state, and have at least one variable.
 
-    A revolute joint is an example: its constraints are satisfied by parallel and by antiparallel
-    axes, but an angle as variable represents only parallel axes.
+    A state that satisfies all constraints need not be representable. For example, parallel and
+    antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
+    represents only parallel axes.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
@@ -232,7 +234,9 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
-    """Check that there is at least one variable.
+    """Check that there is at least one variable, so that a run has something to integrate.
+
+    **Arguments:** `coordinates`: those of the variables, named in the message.
 
     **Raises:** `ValueError` if not.
     """
@@ -261,9 +265,10 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all `residuals` of constraints, (m,), are at most `tolerance`.
+    """Check that all values or rates of constraints are at most `tolerance` in magnitude.
 
-    **Arguments:** `names`: of the m constraint equations; `quality`: "consistent" for a state that
+    **Arguments:** `names`: of the m constraint equations; `residuals`: (m,), their values or rates;
+    `tolerance`: in the unit of `residuals`; `quality`: "consistent" for a state that
     the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
     the message.
 
@@ -271,6 +276,7 @@ def _require_satisfied(
     """
     if residuals.size == 0:
         return
+    # NaN counts as the worst residual.
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
     limit = f"residual of constraint {names[worst]!r} at most {tolerance:g}"
     remedy = "call assemble(scene, state) first"

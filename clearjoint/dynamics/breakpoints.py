@@ -69,6 +69,8 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
     the step. All times are on the clock of the system.
     """
+    # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
+    # start, else an upper one. The other bound that it could give is infinite.
     scene, start = system.scene, system.clock(start)
 
     def left(at: jax.Array) -> jax.Array:
@@ -125,7 +127,8 @@ def drivers_are_smooth(
 
     **Arguments:**
 
-    - `variables`: the position at which constraints are evaluated, with all bodies at rest.
+    - `variables`: motion variables, of which only the position is used. All bodies are taken to be
+      at rest, so that only time changes the constraints.
     - `start`, `end`: of the step, s, on the clock of the system.
     - `rtol`: tolerance relative to the driver's speed over the step.
     """

@@ -88,6 +88,7 @@ def constraint_report(
     values, rates, jacobian, left = map(
         np.asarray, (rows.values, rows.rates, rows.jacobian, rows.left)
     )
+    # Without constraints, the array has lost its second axis.
     jacobian = jacobian.reshape(len(rows.all_names), 6 * len(scene.bodies))
     redundant, uncertain = dependent(rows.names, left, {})
     return ConstraintReport(rows.all_names, values, rates, jacobian, redundant, uncertain)
@@ -185,10 +186,12 @@ def start_rows_of_lanes(
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
     columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
     arguments = scene, coordinates, first, np.asarray(t, float)
+    # The scenes may use a primitive without a rule; then they are evaluated one by one.
     alike = all(column is None for column in columns)
     if count > FEW and not alike:
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
+    # If all scenes and states are equal, one evaluation serves them all.
     leaves, structure = jax.tree.flatten(arguments)
     per_lane = [
         _start_rows_by_numpy(

@@ -6,7 +6,8 @@ the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u t
 coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
 - gyroscopic terms), where M is the matrix of masses and inertias, F are forces (with weights) and
 moments, and ' is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by
-u. Force and moment on a body together are a wrench.
+u. Rates are time derivatives, so u' are the rates of the speeds. Force and moment on a body
+together are a wrench.
 """
 
 import abc
@@ -66,7 +67,11 @@ class AbstractMechanics(abc.ABC):
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates of the speeds under given wrenches, by name of body, and gravity,
-        without constraints."""
+        without constraints.
+
+        Coordinates of bodies that all fall freely may leave gravity out of these rates, and add it
+        in `accelerations` and `variable_rates`.
+        """
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -100,7 +105,7 @@ class AbstractMechanics(abc.ABC):
     def variable_rates(self, rates: Speeds) -> MotionVariables:
         """Return the time derivatives of the variables for given rates of the speeds.
 
-        Their structure is that of the variables: rates of the positions, then of the speeds.
+        They have the structure of the variables, with its time derivative in place of each one.
         """
 
     @abc.abstractmethod

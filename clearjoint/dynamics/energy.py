@@ -93,6 +93,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
+            # Position along gravity times its magnitude, which is -g times the height.
             height = scene.gravity.dot(motions[name].position)
             energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
     if scene.forces:

@@ -3,7 +3,8 @@ joints with clearances for dynamic analysis of multi-body systems, 2006).
 
 All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
 multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
-equation with its Jacobian. The speeds are those of the chosen coordinates.
+equation with its Jacobian. The speeds are those of the chosen coordinates, and their rates are the
+time derivatives.
 """
 
 from collections.abc import Iterable, Mapping
@@ -76,6 +77,7 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
+    # Names need not be those of the scene's bodies: grouped joints act on groups of bodies.
     def apply(given: Iterable[tuple[str, Wrench]]) -> None:
         for name, wrench in given:
             if name != GROUND:

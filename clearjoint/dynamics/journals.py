@@ -86,6 +86,7 @@ def resting_joints(
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
         first, second = joints[name].pair()
+        # The force that presses the second body against the first, N.
         load = np.asarray(loads[name])
         joint = joints[name].resting_joint(load)
         expected = f"a joint in which {second!r} is pressed against {first!r} across the axis"

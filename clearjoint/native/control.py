@@ -1,7 +1,9 @@
 """Rules of the primitives for branches and loops.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
 
 In a program of several lanes a condition is a vector. A branch is executed if its condition holds
 in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
@@ -69,7 +71,11 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
-    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`."""
+    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`.
+
+    **Raises:** `UnsupportedPrimitiveError` for arrays in different cells of memory, which would
+    have to be copied in each lane.
+    """
     for new, old in zip(yes, no, strict=True):
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
             raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
@@ -97,6 +103,7 @@ def _if_any(
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
     """
+    # A short branch is computed in any case, since a jump would cost more.
     if size <= LONGEST_CHOICE and not in_memory:
         return lower.inline(branch, arguments)
     results: list[Array] = []
@@ -107,6 +114,7 @@ def _if_any(
         return lower.flatten(results)
 
     def leave_out() -> list[Value]:
+        # `compute` has been called before, so the kinds of the results are known.
         return [lower.ops.constant(lower.ops.kinds[v], 0) for v in lower.flatten(results)]
 
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
@@ -119,7 +127,11 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane, and return its results."""
+    """Add a branch in a program of one lane, and return its results.
+
+    **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
+    memory, and those of the first one may not be overwritten by the second.
+    """
     first_results: list[Array] = []
 
     def build(branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
@@ -244,6 +256,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
     The rows are read from memory and the outputs are written there, both at an index that the loop
     counts. The results are the last carries, then the arrays of outputs.
     """
+    # JAX's arguments are constants, first carries and inputs; its results are carries and outputs.
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
         constants, carried = parameters["num_consts"], parameters["num_carry"]

@@ -11,7 +11,8 @@ sines, cosines and `tanh`, and 0.7 for the others. For arguments outside of the 
 infinities and NaN, the C library is called.
 
 A number of about twice the precision of a double is the sum of two doubles, a high and a low part.
-The functions here take and return values of a program (`Symbol`), not numbers.
+The functions here take and return values of a program (`Symbol`), not numbers: an operator such as
+``a + b`` adds an operation to the program, which is executed when the program runs.
 """
 
 import math

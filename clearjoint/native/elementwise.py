@@ -1,7 +1,9 @@
 """Rules of the primitives that work element by element.
 
 A rule takes the arguments of a primitive as values of the program (`Symbol`) and returns the
-result; the same rules serve scalars and vectors of tangents.
+result; the same rules serve scalars and vectors of tangents. An operator such as ``a + b`` adds an
+operation to the program, and so does `Symbol.emit`, whose first argument is the operation's name.
+The letter of a value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
 """
 
 import math

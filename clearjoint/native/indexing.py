@@ -1,9 +1,12 @@
 """Rules of the primitives that read or write elements at computed indices.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results. A block is a rectangular part of an array. It is given by the
-row-major index of its first element, which the program computes, and by the offsets of all its
-elements from there, which are known.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
+
+A block is a rectangular part of an array. It is given by the row-major index of its first element,
+which the program computes, and by the offsets of all its elements from there, which are known.
 """
 
 import math
@@ -134,6 +137,7 @@ def _dynamic_update_slice(
     """
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
+    # `known` is None if only the run determines the index.
     known = lower.ops.number(first)
     small = not isinstance(array, InMemory)
     if small and known is not None:
@@ -144,6 +148,7 @@ def _dynamic_update_slice(
     memory = lower.in_memory(array, shape)
     if not memory.owned:
         memory = lower.copied(memory)
+    # Only a block of consecutive elements can be copied from memory to memory by one loop.
     if isinstance(update, InMemory):
         if not is_contiguous(offsets):
             raise UnsupportedPrimitiveError("dynamic_update_slice of many rows")

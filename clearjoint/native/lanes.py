@@ -204,11 +204,13 @@ def _traced(
         trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
         return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
 
+    # The names are known once JAX has traced this function.
     def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
         values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
         names[:] = values
         return [jax.numpy.asarray(value) for value in values.values()]
 
+    # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
     def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
         closed, _ = program_of(function, *leaves)
         outs = [True] * len(closed.jaxpr.outvars)

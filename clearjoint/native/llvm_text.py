@@ -173,6 +173,7 @@ class _Writer:
 
         If both terms of a sum are such products, only the first one is fused with the sum.
         """
+        # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
         for entry in block:
             if id(entry) not in self._live:
@@ -194,6 +195,7 @@ class _Writer:
     # Text.
 
     def _type(self, kind: str) -> Form:
+        """Return LLVM's type of a kind of values: a scalar, or a vector of lanes or tangents."""
         count = self._program.packed if kind.endswith("p") else self._width
         base = _BASES[kind[0]]
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
@@ -239,6 +241,8 @@ class _Writer:
         comes first. LLVM roughly keeps the given order. In this one, fewer values occupy registers,
         and a single run takes 0.93 of the time.
         """
+        # Operations that have not been placed and may be moved, by their results, and the lengths
+        # of the longest chains that end with them.
         definitions: dict[Value, Operation] = {}
         depths: dict[Value, int] = {}
         used_here: set[Value] = set()
@@ -250,6 +254,7 @@ class _Writer:
                 depths[entry.out] = 1 + max((depths.get(value, 0) for value in needed), default=0)
         ordered: list[Operation] = []
         for entry in entries:
+            # It is placed later, right before the operation that needs it.
             if entry.out in depths and entry.out in used_here:
                 continue
             # A search in depth by a stack: chains can be longer than Python's limit of recursion.
@@ -344,6 +349,7 @@ class _Writer:
         return self._vector(form, elements)
 
     def _vector(self, form: Form, elements: Iterable[Word]) -> Word:
+        """Return a vector of the type `form` with the given elements."""
         vector = form(ir.Undefined)
         for k, element in enumerate(elements):
             vector = self._builder.insert_element(vector, element, _BASES["w"](k))
@@ -422,6 +428,7 @@ class _Writer:
         for label, block in ((yes, entry.yes), (no, entry.no)):
             builder.position_at_end(label)
             self._write(block)
+            # If the block contains branches or loops, it does not end in the basic block `label`.
             ends.append(builder.block)
             builder.branch(end)
         builder.position_at_end(end)

@@ -7,7 +7,7 @@ machine code. An array has one of four forms (`Array`):
 - a scalar is one value of the program;
 - a small array is a NumPy array of values, one for each element, so that slices and concatenations
   need no operation;
-- an array with one element for each tangent is one vector (`Packed`);
+- an array with one element for each tangent (derivative by a parameter) is one vector (`Packed`);
 - an array of more than `LARGEST_UNROLLED` elements is in memory (`InMemory`) and is processed by
   loops. It is updated in place if nothing reads its former content.
 """
@@ -201,6 +201,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     **Returns:** the calls by the id of the equation that makes them. Equations that call the same
     jaxpr share one `RepeatedCall`.
     """
+    # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
@@ -209,6 +210,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     for equations in groups.values():
         if len(equations) < FEWEST_CALLS:
             continue
+        # A function returns its results value by value, so none of them may be a large array.
         closed = equations[0].params["jaxpr"]
         avals = [v.aval for v in equations[0].outvars]
         small = all(getattr(aval, "size", 0) <= LARGEST_UNROLLED for aval in avals)

@@ -1,10 +1,11 @@
 """Operations on scalars: the form of a program between a jaxpr and LLVM's language.
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
-(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool); with the suffix ``p`` it is a vector of
-tangents of that kind. If the program computes several lanes, each value is a vector with a number
-for each lane. A block is a list of entries: pure operations, reads and writes of memory, calls of
-functions, and branches and loops, which contain blocks.
+(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). With the suffix ``p`` it is a vector of
+tangents of that kind: derivatives of one variable by several parameters. If the program computes
+several lanes, each value is a vector with a number for each lane. A block is a list of entries:
+pure operations, reads and writes of memory, calls of functions, and branches and loops, which
+contain blocks.
 """
 
 import math
@@ -401,7 +402,10 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the first cell and the index, as a tuple that is empty if the index is known."""
+        """Return the cell and the arguments with which an operation addresses `start` + `index`.
+
+        The only argument is the index; there is none if the index is known and added to the cell.
+        """
         known = None if index is None else self.constants.get(index)
         if known is None:
             return start, () if index is None else (index,)
@@ -490,6 +494,7 @@ class Operations:
         a further iteration, as a function of the carries; `body`: adds the loop's body, which
         returns the next carries.
         """
+        # The condition is computed in its own block, which is executed once more than the body.
         carries = [self._new(self.kinds[value]) for value in first]
         head, inner = [], []
         with self.inside(head):

@@ -1,9 +1,13 @@
 """Rules of the primitives that rearrange or combine elements, such as slices and sums.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results. A rule that rearranges elements applies the NumPy function of the
-same name to an array with the row-major index of each element: the result has in each position the
-index of the element that is moved there.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`).
+
+A rule that rearranges elements applies the NumPy function of the same name to an array with the
+row-major index of each element: the result has in each position the index of the element that is
+moved there.
 """
 
 import math
@@ -192,6 +196,7 @@ def _cumulate_memory(
         ops.store(first, out.start)
     end = ops.constant("i", array.size)
 
+    # The loop begins with the second element; its carries are the index and the total.
     def body(carries: list[Value]) -> list[Value]:
         k, total = carries
         total = combine(total, ops.load(array.kind, array.start, k))
@@ -204,7 +209,8 @@ def _cumulate_memory(
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array of intermediate results of combining the elements along an axis.
+    """Return the array of intermediate results of combining the elements along an axis, such as
+    cumulative sums.
 
     **Arguments:** `name`: primitive that combines two elements.
     """
@@ -257,13 +263,15 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements in the shape (batch, rows, summed elements)."""
+        """Return the elements of argument `number` as nested lists, in the shape (batch, rows,
+        summed elements), for the axes `batch` and the summed axes `along`."""
         shape = aval_of(equation.invars[number]).shape
         values = np.array(lower.values(array)).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
 
+    # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (partial(apply, lower.ops, name) for name in ("add", "mul"))
     left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
     totals = [

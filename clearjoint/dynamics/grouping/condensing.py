@@ -219,6 +219,8 @@ def _order(scene: Scene) -> dict[str, int]:
         first, second = joint.pair()
         neighbours[first].append(second)
         neighbours[second].append(first)
+    # A depth-first walk along the clearance joints, from the ground on, numbers a chain from one
+    # end to the other. Bodies that it does not reach are numbered last, by further walks.
     indices: dict[str, int] = {}
     waiting = [*reversed(scene.bodies), GROUND]
     while waiting:

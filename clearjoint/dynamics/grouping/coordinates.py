@@ -4,7 +4,8 @@ A group of n bodies is computed as one body whose numbers are arrays (n,); see `
 have absolute coordinates, and single bodies any other ones. A grouped body moves freely. A free
 body has the same variables in all coordinates, and its equations take the least arithmetic in
 absolute coordinates. Arguments and results of the type `Speeds` are lists with one entry for each
-speed of the single bodies, then six arrays (n,) for each group of n bodies.
+speed of the single bodies, then six arrays (n,) for each group of n bodies. Rates are time
+derivatives.
 """
 
 from collections.abc import Callable, Iterable

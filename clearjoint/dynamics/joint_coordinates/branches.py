@@ -272,10 +272,12 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
     root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
     position. The trees depend on the types and names of joints and bodies, but on no numbers.
     """
+    # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
     trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
     for tree in trees:
         _grow(tree, scene, placed)
+    # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
     points = anchors(scene)
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:

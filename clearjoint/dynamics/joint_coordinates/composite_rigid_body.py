@@ -52,6 +52,9 @@ class JointMechanics(AbstractMechanics):
     """Equations of motion of all trees of a scene.
 
     The mass matrix of each tree is factorised once, for all forces and constraints.
+
+    **Arguments:** `scene`: in scalar form; `variables`: joint coordinates and speeds, by name of
+    body; `motions`: pose and velocities of each body and of "ground", by name.
     """
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):

@@ -180,6 +180,7 @@ def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
     **Arguments:** `centre`: m, the centre of mass from the tree's origin; `central`: kg m^2, the
     inertia about the centre of mass, in the tree's axes.
     """
+    # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = centre * body.mass, tuple(centre)
     first = tuple(h)
 
