@@ -26,7 +26,7 @@ from .multipliers import as_array, row_rate
 
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised constraint row from the span of the rows before it, below which the row
-counts as dependent on them."""
+counts as dependent on them. It is far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
 """Distance below which a row that is not dependent counts as nearly dependent. The equations for
 the multipliers contain the square of this distance, so that rounding errors determine the
@@ -34,7 +34,7 @@ multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is
 after one second."""
 FEW = 16
 """Largest number of scenes whose constraints are evaluated one by one with NumPy. For more scenes,
-native code is compiled."""
+native code is compiled, which takes longer than some evaluations."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from .system import System
 
 OUTSIDE = 1e-6
 """Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
-bearing."""
+bearing. A contact under load can have a smaller penetration, which is kept."""
 FAR_OUTSIDE = 1e-2
 """Penetration at the start of a run, relative to the largest one that the joint allows, above which
 a warning is issued. Contacts in motion are usually far less deep."""

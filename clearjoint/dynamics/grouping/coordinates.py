@@ -85,7 +85,7 @@ class GroupedCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
     ) -> GroupedVariables:
-        """Return the positions of `variables` with the speeds of `others`."""
+        """Return variables with the positions of `variables` and the speeds of `others`."""
         groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
         return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
 

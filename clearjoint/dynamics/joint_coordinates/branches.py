@@ -96,7 +96,7 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
-        """Return the positions of `state` with the speeds of `other`."""
+        """Return variables with the positions of `state` and the speeds of `other`."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
@@ -180,7 +180,8 @@ class FreeBranch(AbstractBranch):
         return normalised_body(state)
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return position and orientation of `state` with velocity and spin of `other`."""
+        """Return a state with position and orientation of `state`, and velocity and spin of
+        `other`."""
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
@@ -254,11 +255,12 @@ class JointedBranch(AbstractBranch):
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
-        """Return the position of `state` with the speeds of `other`."""
+        """Return a state with the position of `state` and the speeds of `other`."""
         return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
-        """Return False: the rates of the speeds are relative to the parent."""
+        """Return False: the rates of the speeds are relative to the parent, and gravity need not be
+        added to them."""
         return False
 
 

@@ -40,7 +40,7 @@ from .branches import AbstractBranch, forest
 from .links import Inertia, Link, central_inertia, inertia
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
-"""Force, and moment about the centre of mass of the body, in the tree's axes."""
+"""Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]

@@ -93,7 +93,8 @@ class JointCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """Return the positions of `variables` with the speeds of `others`, by name of body."""
+        """Return variables with the positions of `variables` and the speeds of `others`, by name of
+        body."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
