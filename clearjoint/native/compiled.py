@@ -1,4 +1,7 @@
-"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere.
+
+Native code is made from a jaxpr by a rule for each JAX primitive. Some primitives have no rule.
+"""
 
 import os
 import warnings

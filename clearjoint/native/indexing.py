@@ -240,7 +240,10 @@ def _block_reader(
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
-    """Return JAX's value for elements outside of an array (see `jax.lax.gather`)."""
+    """Return JAX's value for elements outside of an array (see `jax.lax.gather`).
+
+    **Arguments:** `given`: the value if the user has set one, else ``None``; `dtype`: of the array.
+    """
     if given is not None:
         return np.asarray(given, dtype).item()
     if dtype.kind == "f":

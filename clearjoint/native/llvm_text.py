@@ -201,7 +201,7 @@ class _Writer:
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
 
     def _value(self, value: Value) -> Word:
-        """Return a value in the function that is being written."""
+        """Return the constant or result that a value has in the function being written."""
         number = self._program.constants.get(value)
         if number is not None and value not in self._values:
             # llvmlite repeats the number in all elements of a vector.
@@ -386,7 +386,8 @@ class _Writer:
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
-        """Write the read of a cell. Lanes that read different cells are read one by one."""
+        """Write the instructions that read a cell, and return the content. If each lane has a cell
+        of its own, because the index is not uniform, the lanes are read one by one."""
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -401,7 +402,8 @@ class _Writer:
         return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
 
     def _store(self, entry: Operation) -> None:
-        """Write the write to a cell. Lanes that write to different cells are written one by one."""
+        """Write the instructions that store a value in a cell. If each lane has a cell of its own,
+        because the index is not uniform, the lanes are stored one by one."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder

@@ -51,7 +51,10 @@ def _rearranged(
     array: Array,
     rearrange: Rearrange,
 ) -> list[Array]:
-    """Return arrays with the elements of an array in other positions."""
+    """Return arrays with the elements of an array in other positions.
+
+    **Arguments:** `rearrange`: gives the indices of the elements of each returned array.
+    """
     indices = element_indices(aval_of(equation.invars[0]))
     return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
