@@ -65,8 +65,8 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the whole number that stands for a result code, as an array of shape (); for an array
-    of N result codes, (N,).
+    """Return the whole number that stands for a result code, as a NumPy array of shape (); for an
+    array of N result codes, (N,). Files and NumPy masks use these numbers.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0
@@ -75,7 +75,8 @@ def result_number(result: RESULTS) -> np.ndarray:
 
 
 def result_numbers() -> dict[str, int]:
-    """Return the whole number of each result code, by the name of the code.
+    """Return the whole number of each result code, by the name of the code, to interpret the arrays
+    from `result_number`.
 
     >>> extend.result_numbers()["max_steps_reached"]
     1

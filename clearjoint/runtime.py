@@ -24,20 +24,24 @@ XLA_FLAGS = (
 
 XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
 fusion of operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`,
-and the program compiled in 2.4 instead of 58 s. XLA reads the variable when JAX first computes
-something; `configure` sets it, and must be called before that. These options cannot be passed to
-`jax.jit`. Calls of `simulate`, `sweep` and `sensitivities` outside of transformations do not need
-them.
+and the program compiled in 2.4 instead of 58 s. The threshold, in bytes, makes the loop count as
+small; multi-output fusion avoids that shared terms are computed repeatedly; the other options
+shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
+and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
+`sweep` and `sensitivities` outside of transformations do not need them.
 
 >>> "xla_cpu_small_while_loop_byte_threshold" in cj.XLA_FLAGS
 True
 """
 _EXTRA = "--xla_backend_extra_options"
 _KEEP = "CLEARJOINT_KEEP_PROGRAMS"
+"""Environment variable: with the value 0, whole programs are not saved; see `configure`."""
 _CACHE = "jax_compilation_cache_dir"
 _MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
 _SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
+"""JAX's settings that processes which share a sweep must have in common."""
 _NATIVE = "CLEARJOINT_NATIVE"
+"""Environment variable: with the value 0, XLA compiles everything, `clearjoint.native` nothing."""
 Setting = bool | float | str | None
 """Type of a setting's value in the dict from `in_force`."""
 _threads: int | None = None
@@ -61,8 +65,10 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
 
     Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
-    precision. Calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs only if
-    XLA has not read its flags before (see `XLA_FLAGS`).
+    precision. `configure` also appends `XLA_FLAGS` to the environment variable of this name, with
+    which calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs. This has no
+    effect if JAX has computed something before. A variable that contains
+    ``--xla_backend_extra_options`` already is not changed, so that the user's own options hold.
 
     The folder keeps machine code between processes. If the arguments of a call consist only of this
     package's classes, numbers, strings and arrays, the whole program is saved, and the next process
@@ -93,16 +99,22 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """
     global _threads
     flags = os.environ.get("XLA_FLAGS", "")
+    # A user who sets backend options wants exactly these: none of this package's are mixed with
+    # them. The check also keeps a second call of `configure` from appending the flags again.
     if _EXTRA not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     keep = _keep()
     folder = _usable(str(cache or default_cache()))
+    # All arguments are valid from here on: a call that raises an error changes no setting but the
+    # flags above.
     _threads = threads
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
-    # With an infinite minimum of compile time JAX does not try to write programs.
+    # JAX writes programs to the folder that took at least this time to compile, s. Its default of
+    # 1 s would leave out programs of this package that take less, but add up. With an infinite
+    # time, JAX does not try to write to a read-only folder.
     read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
     jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
     keep_programs(keep)
@@ -123,7 +135,11 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Return the folder `cache`; if it must not be used, warn and return ``None``."""
+    """Return the folder `cache`, which is made if it does not exist; if it must not be used, warn
+    and return ``None``.
+
+    A path with "://", as of a cloud storage, is returned as it is: JAX handles it.
+    """
     problem = None if "://" in cache else prepare_folder(Path(cache))
     if problem is None:
         return cache
@@ -146,7 +162,7 @@ def threads_of_sweeps() -> int:
 def in_force() -> dict[str, Setting]:
     """Return the settings of this process that affect results and speed, by name.
 
-    Another process takes them over with `adopt`.
+    A sweep sends them to its worker processes, which take them over with `adopt`.
     """
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
@@ -157,8 +173,9 @@ def adopt(values: dict[str, Setting]) -> None:
 
     **Arguments:** `values`: the dict that `in_force` returned in the other process.
 
-    On CPUs, if `configure` has not set a number of threads, sweeps use one thread: the processes
-    share the cores.
+    A worker process of a sweep calls this before it computes runs. On CPUs, it then uses one
+    thread, unless `configure` has set another number in this process: the processes share the
+    cores.
     """
     global _threads
     for name in _SHARED:

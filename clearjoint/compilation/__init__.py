@@ -1,7 +1,7 @@
 """Functions compiled by XLA, and the keys and files of compiled programs on disk.
 
-- `Compiled` and `HostFirst` wrap functions that XLA compiles; `traced_once` wraps functions that
-  are called several times while JAX traces.
+- `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
+  can; `traced_once` wraps functions that are called several times while JAX traces another one.
 - `keep_programs` sets whether whole native programs are saved for other processes, and
   `keeps_programs` returns it; `prepare_folder` makes a folder for them.
 - `program_of` returns the jaxpr of a function.

@@ -1,6 +1,7 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
-The digest is that of the files at the time when the import of the package began. An error is raised
+The digest is part of the key of each saved program, so that a program is loaded only by processes
+with the same code. It is that of the files at the time when the import began. An error is raised
 instead if the files have changed since then, because the package was upgraded or edited while the
 process ran, or if a function, class or constant of the package was replaced after the import. This
 module imports only Python's standard library, so that it can be imported before all others.
@@ -55,7 +56,8 @@ class _State:
 
 
 def remember_contents() -> None:
-    """Record the contents of all loaded modules of the package, and of `LIBRARIES`.
+    """Record the objects in all loaded modules of the package and in `LIBRARIES`, with which
+    `source_digest` compares later ones.
 
     It must be called at the end of the import of the package.
     """
@@ -74,15 +76,15 @@ def remember_contents() -> None:
 
 
 def is_remembered(module: str) -> bool:
-    """Return whether changes in a module, given by its name, are noticed."""
+    """Return whether `source_digest` would notice a change in a module, given by its name."""
     return module in _STATE.names
 
 
 def source_digest() -> str:
     """Return the digest, as hexadecimal text, of the package's source files when its import began.
 
-    **Raises:** `ChangedCodeError` if the code of this process differs from these files, or ever
-    did.
+    **Raises:** `ChangedCodeError` if the code of this process differs from these files, or has
+    differed at an earlier call.
     """
     with _STATE.lock:
         if not (_STATE.changed or _is_as_imported()):
@@ -98,7 +100,8 @@ def _is_as_imported() -> bool:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)
     if loaded != _STATE.modules:
-        # Modules imported since the last comparison may come from changed files.
+        # Modules imported since the last comparison may come from changed files. The digest is
+        # computed before the comparison, which then also covers the files that it has read.
         if _STATE.digest is None:
             _STATE.digest = _digest(_STATE.files)
         if _files() != _STATE.files:
@@ -110,9 +113,10 @@ def _is_as_imported() -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Return size, times of change and inode of each source file, by path.
+    """Return size, times of change and inode of each source file of the package, by path.
 
-    They change if the file is written.
+    At least one of these numbers changes if the file is written or replaced. To compare them is
+    much faster than to read the files.
     """
     states, folders = {}, [_FOLDER]
     while folders:
@@ -169,7 +173,7 @@ def _is_code(name: str, member: object) -> bool:
     """Return whether an attribute of a class may affect results.
 
     Python and decorators of classes add attributes with two underscores, some of them after the
-    import. Of these, only functions count.
+    import. Of these, only functions count. `_abc_impl` is a cache of Python's abstract classes.
     """
     if not name.startswith("__"):
         return name != "_abc_impl"
@@ -180,6 +184,7 @@ def _is_listed_in(module: str, cls: type) -> bool:
     """Return whether the attributes of a class are recorded with a module.
 
     They are recorded with the module that defines the class, or with the library that exports it.
+    Those of NumPy's classes are not recorded.
     """
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 

@@ -1,8 +1,9 @@
 """Digests of values that consist only of numbers, texts, arrays, and code of known packages.
 
-The program that is compiled for such a value is determined by the fields of the value and the
-sources of these packages. Values that contain functions, classes or instances from elsewhere are
-refused, since their sources are not known.
+A digest is part of the key under which a compiled program is saved. The program for such a value is
+determined by the fields of the value and the sources of these packages. Values that contain
+functions, classes or instances from elsewhere are refused, since a change of their sources would
+not be noticed.
 """
 
 import dataclasses
@@ -24,7 +25,7 @@ package. Their versions identify their sources."""
 _DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
 """Types whose values are identified by their `repr`."""
 _BASES = ("abc", "collections.abc", "enum", "typing")
-"""Modules with base classes that hold no data."""
+"""Modules whose base classes are accepted, since they add no data of their own to an instance."""
 
 
 class NotPlainError(Exception):
@@ -32,7 +33,8 @@ class NotPlainError(Exception):
 
 
 def digest_of(value: object) -> str:
-    """Return the digest of a value, which is the same in all processes for equal values.
+    """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes for
+    equal values.
 
     **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays,
     tuples, lists and dictionaries, and of functions, classes and their instances that are members
@@ -55,6 +57,7 @@ def _nested(value: object) -> object:
 
     **Raises:** `NotPlainError` for a value that `digest_of` refuses.
     """
+    # Exact types: an instance of a subclass could hold further data, and is handled last.
     kind = type(value)
     if kind in _DATA:
         return kind.__name__, value
@@ -72,6 +75,7 @@ def _nested(value: object) -> object:
         return "method", *map(_nested, (value.__func__, value.__self__))  # pyright: ignore
     if kind is jax.ShapeDtypeStruct:
         return "shape", value.shape, str(value.dtype)  # pyright: ignore
+    # Functions and classes have a qualified name.
     if isinstance(getattr(value, "__qualname__", None), str):
         return _named(value)
     return _instance(value)
@@ -108,8 +112,10 @@ def _instance(value: object) -> object:
     """
     cls = type(value)
     named = _named(cls)
+    # Named tuples and enumerations of strings hold data as items.
     items = tuple(value) if isinstance(value, tuple | str) else ()
-    # Data of these bases are part of `items` or of the attributes.
+    # Data of these bases are part of `items` or of the attributes. Any other base class must be
+    # that of an accepted package, since it might hold data that are not seen here.
     covered = (object, tuple, str, int if isinstance(value, enum.Enum) else object)
     for base in cls.__mro__[1:]:
         if base not in covered and base.__module__ not in _BASES:

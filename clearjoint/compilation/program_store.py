@@ -77,7 +77,8 @@ def prepare_folder(folder: Path) -> str | None:
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder.
 
-    The result is ``True`` on systems without POSIX permissions, such as Windows.
+    Whoever may write to it can have code executed by this process. The result is ``True`` on
+    systems without POSIX permissions, such as Windows.
 
     **Raises:** `OSError` if the folder doesn't exist.
     """
@@ -89,6 +90,8 @@ def is_private(folder: Path) -> bool:
 
 class ProgramStore:
     """Folder of compiled programs, with a file for each key.
+
+    Each file consists of a digest of key and content, and of the compressed content.
 
     **Arguments:** `folder`: path of the folder; `most_bytes`: largest total size of its files.
     """
@@ -127,6 +130,7 @@ class ProgramStore:
         if not is_private(self._folder):
             return
         whole = _digest(key, content) + zlib.compress(content, 1)
+        # The file is renamed only when it is complete, so that others never read a part of it.
         handle, name = tempfile.mkstemp(dir=self._folder)
         try:
             with os.fdopen(handle, "wb") as file:

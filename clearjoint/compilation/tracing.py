@@ -46,9 +46,11 @@ CALLS = {
 def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     """Wrap a function of PyTrees so that JAX traces it once for arguments of the same structure.
 
-    Leaves that are not arrays must be hashable; the function is traced again for other values of
-    them. The jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next
-    run, in which a global variable that the function reads may have changed.
+    A function that is called several times within a program, such as the rates in the stages of a
+    step, would otherwise be traced at each call. Leaves that are not arrays must be hashable; the
+    function is traced again for other values of them. The jaxpr is discarded with the wrapper.
+    `equinox.filter_jit` would keep it for the next run, in which a global variable that the
+    function reads may have changed.
     """
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
@@ -69,7 +71,9 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
-    """Return the jaxpr of a function for given arguments, and the shapes of its result as a PyTree.
+    """Return the jaxpr of a function for given arguments, and the shapes and dtypes of its result.
+
+    The latter are a PyTree with the structure of the result.
 
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
     lowers the jaxpr. Here they are expanded to the equations of which they consist.
@@ -94,7 +98,7 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX is tracing a function in this thread."""
+    """Return whether JAX is tracing a function in this thread, as inside of `jax.jit`."""
     return get_opaque_trace_state() != _state_without_trace()
 
 
@@ -106,16 +110,19 @@ def _state_without_trace() -> object:
 
 
 def seconds_of_compiling() -> float:
-    """Return for how long a program has been traced and compiled, s; zero if there is none.
+    """Return for how long a program has been traced and compiled, s; zero if no thread is doing so.
 
-    If several threads compile programs, the longest time is returned.
+    Progress bars show this time. If several threads compile programs, the longest time is returned.
     """
     times = list(_began.values())
     return time.monotonic() - min(times) if times else 0.0
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function that JAX traces, so that the time of compiling begins when it is called."""
+    """Wrap a function that JAX traces, so that the time of compiling begins when it is called.
+
+    JAX calls the function only to trace it: a call of a program that exists starts no time.
+    """
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -127,7 +134,7 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Within the context, a program may be compiled; the time of compiling ends with the context.
+    """End the time of compiling, which a wrapper of `begins_a_program` began, with the context.
 
     If contexts are nested, the time ends with the outermost one.
     """

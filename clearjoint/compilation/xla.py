@@ -16,7 +16,8 @@ from .tracing import begins_a_program, collector_at_rest, is_tracing, program_is
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options: LLVM's level of optimisation is 1, which compiles faster than 3."""
+"""XLA's compiler options: LLVM's level of optimisation is 1, which compiles faster than XLA's
+default of 3."""
 _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 """Attributes of a call that make XLA's CPU compiler compile it as a function of its own."""
 
@@ -48,7 +49,8 @@ class Compiled(Generic[Arguments, Result]):
             return compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that have been compiled in this process."""
+        """Return the number of programs that have been compiled for this function in this
+        process."""
         return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
 
 
@@ -70,7 +72,7 @@ class HostFirst(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result."""
+        """Return the function's result, with NumPy arrays if NumPy has computed it."""
         # NumPy is not tried again for a structure of arguments for which it has failed once.
         structure = jax.tree.structure((arguments, options))
         if structure not in self._need_jax:
@@ -81,7 +83,7 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that have been compiled in this process."""
+        """Return the number of programs that XLA has compiled for this function in this process."""
         return self._compiled.programs()
 
     def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:

@@ -1,8 +1,10 @@
 """Absolute coordinates: position, orientation, velocity and spin of each body.
 
-All ideal joints are constraints, as in Flores et al. 2006, whose equation numbers are cited. The
-spin of a body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of
-all bodies; arguments and results of the type `Speeds` are lists with six numbers for each body.
+All ideal joints are constraints, as in P. Flores et al., Spatial revolute joints with clearances
+for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The spin of a
+body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies,
+and their rates are the time derivatives; arguments and results of the type `Speeds` are lists with
+six numbers for each body.
 """
 
 from collections.abc import Callable
@@ -33,10 +35,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     constraints.
 
     The variables are a `BodyState` for each body, by name. Its position is the centre of mass, m,
-    in global coordinates. For a body with a clearance joint to the ground, which has an `Anchor`,
-    the position is instead the vector from the bearing's centre to the journal's. Computed as a
-    difference of two positions of the order of metres, this vector would lose digits, and impacts
-    amplify such errors.
+    in global coordinates. A body with a clearance joint to the ground has an `Anchor`: a point of
+    the body, the journal's centre, and a fixed point near it, the bearing's centre. Its position
+    variable is the vector, m, from the fixed point to the body's point. Computed as a difference of
+    two positions of the order of metres, this vector would lose digits, and impacts amplify such
+    errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
@@ -76,8 +79,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {GROUND: GROUND_MOTION, **free}
 
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
-        """Return the equations of motion of all bodies (eq. 29) at the instant that the variables
-        describe."""
+        """Return the equations of motion of all bodies (eq. 29), evaluated for the positions and
+        velocities in `variables`."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
@@ -86,8 +89,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return {name: normalised_body(body) for name, body in variables.items()}
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        """Return positions and orientations of `variables` with velocities and spins of
-        `others`."""
+        """Return variables with the positions and orientations of `variables` and the velocities
+        and spins of `others`."""
         del scene
         return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 
@@ -98,6 +101,9 @@ class AbsoluteMechanics(AbstractMechanics):
     The speeds are six numbers for each body, in the order of ``scene.bodies``: velocity of the
     centre of mass, m/s, in global axes, and spin, rad/s, in body axes. The matrix H that maps
     speeds to velocities and spins is therefore the identity.
+
+    **Arguments:** `scene`, `variables`: as in `AbsoluteCoordinates`; `motions`: pose and velocities
+    of each body and of "ground", by name.
     """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
@@ -105,8 +111,8 @@ class AbsoluteMechanics(AbstractMechanics):
         self._inverses = {name: _inverse_mass(body) for name, body in scene.bodies.items()}
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds, six for each body, under wrenches, gyroscopic moments and
-        gravity, without constraints."""
+        """Return the rates of the speeds, m/s^2 and rad/s^2, six for each body, under wrenches by
+        name of body, gyroscopic moments and gravity, without the reactions of constraints."""
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         rates: Speeds = []
         for name, body in self._scene.bodies.items():
@@ -118,8 +124,9 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the wrenches as six numbers for each body, force and moment; zeros for a body
-        without a wrench."""
+        """Return the generalised forces of wrenches by name of body. Since H is the identity, they
+        are force and moment themselves, six numbers for each body; zeros for a body without a
+        wrench."""
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
@@ -133,19 +140,21 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero: if the rates of all speeds are zero, no body accelerates."""
+        """Return zero, the second time derivative of a row's value, without the row's own `bias`,
+        if the time derivatives of all speeds are zero: no body accelerates then."""
         del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the acceleration of each body, by name: its six numbers of `rates`."""
+        """Return the acceleration of each body, by name. It consists of the body's six numbers in
+        `rates`, the time derivatives of the speeds."""
         return by_body(self._scene, rates)
 
     def variable_rates(self, rates: Speeds) -> Bodies:
         """Return the time derivatives of each body's variables, by name, as a `BodyState`.
 
         They are the velocity (of the anchor's body point, if the body has an anchor), the rates of
-        the Euler parameters, and the accelerations that `rates` gives.
+        the Euler parameters, and the accelerations in `rates`, six numbers for each body.
         """
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
@@ -185,7 +194,11 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Return a list with six numbers for each body as two vectors for each body, by name."""
+    """Convert a list with six numbers for each body to a pair of vectors for each body, by name.
+
+    The numbers need not be accelerations; they can also be forces and moments, or displacements and
+    rotations.
+    """
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
@@ -193,8 +206,8 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
 
 
 def _inverse_mass(body: Body) -> Callable[[Vector, Vector], BodyAcceleration]:
-    """Return the function that maps a force, N, and a moment, N m, on a free body to the body's
-    acceleration, without gyroscopic terms."""
+    """Return the function that maps a force, N, and a moment, N m in body axes, on a free body to
+    the body's acceleration, without gyroscopic terms."""
     inverse, inertia = 1.0 / body.mass, body.inertia
     if isinstance(inertia, Matrix):
         tensor = inertia.inverse()

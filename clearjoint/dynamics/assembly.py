@@ -30,16 +30,18 @@ from .journals import centring_joints, outside, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`."""
+"""Largest number of Newton steps of the positions in `assemble`. Few are needed from a good guess,
+since the steps converge quadratically."""
 TOLERANCE = 1e-12
 """Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
-equations between directions."""
+equations between directions. It is slightly above the rounding errors of lengths of a metre."""
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
-which a run may start."""
+which a run may start. The value is far above rounding errors, and small beside a clearance."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
-conversion to variables and back. Rounding errors are far smaller."""
+conversion to variables and back. Rounding errors are far smaller, and the difference of a state
+that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -76,8 +78,8 @@ def assemble(
     """Find the state nearest to a guess that satisfies the constraints, with each journal in its
     bearing.
 
-    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing keeps the
-    position of the guess. A journal that penetrates the wall by more than a micrometre is put into
+    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing is not moved
+    by its clearance joint. A journal that penetrates the wall by more than a micrometre is put into
     the centre of the bearing, and gets the velocity that an ideal joint would give it.
 
     **Arguments:**
@@ -151,13 +153,14 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
             break
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
+    # The iteration aims at TOLERANCE, but rounding errors may keep the values slightly above it.
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
-    # The iteration stops at TOLERANCE. Rounding errors may keep the values slightly above it, so
-    # larger values were accepted here. For velocities the constraints are linear: one projection
-    # solves them, and a second one removes the rounding errors of the first.
+    # For velocities the constraints are linear: one projection solves them, and a second one
+    # removes the rounding errors of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
+    # The same limit as for positions, per second.
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.entry_speeds, state.work, state.bristles)
 
@@ -194,8 +197,9 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
 def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
     """Check that coordinates can represent an assembled state, and have at least one variable.
 
-    A revolute joint is an example: its constraints are satisfied by parallel and by antiparallel
-    axes, but an angle as variable represents only parallel axes.
+    A state that satisfies all constraints need not be representable. For example, parallel and
+    antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
+    represents only parallel axes.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
@@ -216,7 +220,10 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates of a scene have at least one variable, without compiling anything.
+    """Check that the coordinates of a scene have at least one variable.
+
+    A sweep calls this once for all its runs, since the variables depend only on the structure of
+    the scene. Nothing is computed or compiled: JAX only traces the conversion to variables.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
@@ -227,7 +234,9 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
-    """Check that there is at least one variable.
+    """Check that there is at least one variable, so that a run has something to integrate.
+
+    **Arguments:** `coordinates`: those of the variables, named in the message.
 
     **Raises:** `ValueError` if not.
     """
@@ -240,10 +249,13 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
 ) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """Return the variables of a state, and the states of the bodies, by name, converted back from
-    the variables.
+    """Convert a state to the variables of a formulation's coordinates, and back.
 
-    Scene and state, and the returned states, have vectors as arrays (3,).
+    If the states after the conversion differ from the given ones, the coordinates cannot represent
+    the given state (see `require_representable`).
+
+    **Returns:** the variables, and the states of the bodies by name, converted back from the
+    variables. Scene, state and the returned states have vectors as arrays (3,).
     """
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(state.bodies))
@@ -253,9 +265,10 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all `residuals` of constraints, (m,), are at most `tolerance`.
+    """Check that all values or rates of constraints are at most `tolerance` in magnitude.
 
-    **Arguments:** `names`: of the m constraint equations; `quality`: "consistent" for a state that
+    **Arguments:** `names`: of the m constraint equations; `residuals`: (m,), their values or rates;
+    `tolerance`: in the unit of `residuals`; `quality`: "consistent" for a state that
     the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
     the message.
 
@@ -263,6 +276,7 @@ def _require_satisfied(
     """
     if residuals.size == 0:
         return
+    # NaN counts as the worst residual.
     worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
     limit = f"residual of constraint {names[worst]!r} at most {tolerance:g}"
     remedy = "call assemble(scene, state) first"
@@ -282,7 +296,11 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    """Return the states of the bodies, by name, after a `projection` onto the constraints at time
-    t, s: a method of `System` that corrects positions or velocities."""
+    """Return the states of the bodies, by name, after one correction towards the constraints.
+
+    **Arguments:** `projection`: the method of `System` that corrects the variables, either
+    `project_positions` or `project_velocities`; `bodies`: the states before, by name; `t`: s, time
+    at which the constraints are evaluated.
+    """
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

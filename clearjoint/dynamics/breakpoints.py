@@ -34,7 +34,8 @@ An element may compute the time in another order of operations, with another rou
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error."""
+"""Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error. It is wide,
+since a driver may compute its value and its rates by many operations."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
 """Rounding errors of a driver's value, m or rad, and of its rate, per second. Differences in a
 table with large values at short intervals have errors of this size."""
@@ -68,6 +69,8 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
     the step. All times are on the clock of the system.
     """
+    # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
+    # start, else an upper one. The other bound that it could give is infinite.
     scene, start = system.scene, system.clock(start)
 
     def left(at: jax.Array) -> jax.Array:
@@ -124,7 +127,8 @@ def drivers_are_smooth(
 
     **Arguments:**
 
-    - `variables`: the position at which constraints are evaluated, with all bodies at rest.
+    - `variables`: motion variables, of which only the position is used. All bodies are taken to be
+      at rest, so that only time changes the constraints.
     - `start`, `end`: of the step, s, on the clock of the system.
     - `rtol`: tolerance relative to the driver's speed over the step.
     """
@@ -149,7 +153,8 @@ def drivers_are_smooth(
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     for beyond, first, last, *others in zip(*at_times, strict=True):
         rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
-        # Angles are compared modulo 2 pi.
+        # Angles are compared modulo 2 pi. Distances are too, which makes no difference for the
+        # small errors of interest.
         value = wrapped(beyond.value - first.value - integral(rates), 2.0 * math.pi)
         rate = last.time_rate - first.time_rate - integral(seconds)
         # The scale is the total variation of the rate: a driver that oscillates within the step has
@@ -176,13 +181,13 @@ def _rounding(at: Scalar) -> jax.Array:
 def _extreme(
     scene: Scene, choice: "BinaryUfunc", function: Callable[[jax.Array], jax.Array]
 ) -> Scalar | None:
-    """Return the smallest or largest value of a function of all breakpoints, s, or ``None`` if
-    there are none.
+    """Return the smallest or largest value, s, that a function takes at the breakpoints of a scene,
+    or ``None`` if there are no breakpoints.
 
     The result is not differentiated, since the solution does not depend on where steps end.
 
-    **Arguments:** `choice`: `jnp.minimum` or `jnp.maximum`; `function`: function of an array of
-    breakpoints.
+    **Arguments:** `choice`: `jnp.minimum` or `jnp.maximum`; `function`: maps an array of
+    breakpoints, s, to an array of times, s, of the same shape.
     """
     extreme: jax.Array | None = None
     for times in breakpoints(scene).values():

@@ -42,11 +42,11 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the deflection, m, of each bristle contact at full friction, by joint and contact
-    label.
+    """Return the approximate deflection in steady sliding, m, of each contact with bristles, by
+    joint and contact label.
 
-    It is the scale by which errors of deflections are measured, and has the same value in x, y and
-    z.
+    Error control of steps uses it as the scale of the deflections. Each result is a vector with
+    this value in x, y and z.
     """
     return {
         name: {
@@ -67,8 +67,8 @@ def updated_bristles(
 ) -> Bristles:
     """Return the bristle deflections after an accepted step, m, by joint and contact label.
 
-    An open contact gets zero. If steps end at onsets, the displacement since the onset is added for
-    a contact that began in the step.
+    An open contact gets zero. If steps end at onsets, a contact that began in the step gets its
+    displacement since the onset added, slip velocity times time (see the module).
 
     **Arguments:**
 

@@ -26,7 +26,7 @@ from .multipliers import as_array, row_rate
 
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised constraint row from the span of the rows before it, below which the row
-counts as dependent on them."""
+counts as dependent on them. It is far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
 """Distance below which a row that is not dependent counts as nearly dependent. The equations for
 the multipliers contain the square of this distance, so that rounding errors determine the
@@ -34,7 +34,7 @@ multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is
 after one second."""
 FEW = 16
 """Largest number of scenes whose constraints are evaluated one by one with NumPy. For more scenes,
-native code is compiled."""
+native code is compiled, which takes longer than some evaluations."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class ConstraintReport:
     bodies.
 
     - `names`: m strings, each "joint: label".
-    - `values`: (m,), Phi, in m or without unit.
-    - `rates`: (m,), time derivatives of Phi, m/s or 1/s.
+    - `values`: (m,), Phi, in m, rad or without unit.
+    - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
       (rad/s, body axes) of each body, in the scene's order of bodies.
     - `redundant`: names of the rows that depend linearly on rows before them.
-    - `uncertain`: names of the rows that nearly do. No run can start with such rows, since rounding
-      errors would determine its reactions.
+    - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
+      such rows, since rounding errors would determine its reactions.
     """
 
     names: tuple[str, ...]
@@ -88,13 +88,14 @@ def constraint_report(
     values, rates, jacobian, left = map(
         np.asarray, (rows.values, rows.rates, rows.jacobian, rows.left)
     )
+    # Without constraints, the array has lost its second axis.
     jacobian = jacobian.reshape(len(rows.all_names), 6 * len(scene.bodies))
     redundant, uncertain = dependent(rows.names, left, {})
     return ConstraintReport(rows.all_names, values, rates, jacobian, redundant, uncertain)
 
 
 class StartRows(NamedTuple):
-    """Constraint rows of a scene in an initial state.
+    """Constraint rows of a scene in an initial state, as arrays, for the checks before a run.
 
     Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
     that of the coordinates' speeds, and v six times the number of bodies.
@@ -102,8 +103,8 @@ class StartRows(NamedTuple):
     - `values`, (m,), `rates`, (m,), `jacobian`, (m, v), and `all_names`: of all rows, as in
       `ConstraintReport`.
     - `names`: of the n rows that remain.
-    - `left`: (n, s), Jacobians of these rows by the coordinates' speeds, each divided by the norm
-      of the same row of `jacobian`.
+    - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
+      divided by the norm of the same row of `jacobian`.
 
     Arrays without rows have the shape (0,).
     """
@@ -164,10 +165,10 @@ _start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for N scenes and states, with an additional first axis of
+    """Return the result of `start_rows` for the N runs of a sweep, with an additional first axis of
     length N in each array.
 
-    The names, which are the same for all scenes, have no such axis.
+    The names of the rows are the same for all runs.
 
     **Arguments:**
 
@@ -185,10 +186,12 @@ def start_rows_of_lanes(
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
     columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
     arguments = scene, coordinates, first, np.asarray(t, float)
+    # The scenes may use a primitive without a rule; then they are evaluated one by one.
     alike = all(column is None for column in columns)
     if count > FEW and not alike:
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
+    # If all scenes and states are equal, one evaluation serves them all.
     leaves, structure = jax.tree.flatten(arguments)
     per_lane = [
         _start_rows_by_numpy(
@@ -216,7 +219,7 @@ def dependent(
     **Arguments:**
 
     - `names`: of the n rows.
-    - `rows`: (n, s), normalised.
+    - `rows`: (n, s), divided by their norms as in `StartRows.left`.
     - `known`: a cache that is read and extended: for the bytes of `rows`, the distance, (n,), of
       each row from the span of the rows before it. Scenes of a sweep often have equal rows.
     """

@@ -22,7 +22,8 @@ from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
-"""Smallest entry speed that is stored, m/s, since zero stands for an open contact."""
+"""Smallest entry speed that is stored, m/s, since zero stands for an open contact. It is also the
+smallest penetration rate by which a depth is divided to estimate the time since the onset."""
 TOUCHING = 1e-12
 """Largest depth, m, positive or negative, at which a contact counts as being at the wall at the
 start of a run. Its true depth is zero, and the sign is due to rounding."""
@@ -128,9 +129,9 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 def closed(gaps: ContactGaps) -> Closed:
     """Return whether each contact is closed, by joint and contact label.
 
-    If steps end at contact events, a contact stays open or closed for a whole step. A trial step
-    past a wall then meets no force. It is as smooth as flight, and the time at which it crosses the
-    wall follows from it at once.
+    If steps end at contact events, each contact keeps for a whole step the state that this function
+    returns at the step's start. A step that begins in flight then meets no force even beyond the
+    wall. It is therefore smooth, and the time at which the wall is crossed can be interpolated.
     """
     return {
         name: {label: gap.depth > 0.0 for label, gap in family.items()}
@@ -179,8 +180,8 @@ def begins_at_start(gaps: ContactGaps) -> jax.Array:
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the geometry of its joint allows (its method
-    `deepest`)."""
+    """Return whether any contact is deeper than the geometry of its joint allows: deeper than the
+    limit, m, that the joint's method `deepest` returns for it."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()

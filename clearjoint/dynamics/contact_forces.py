@@ -31,8 +31,8 @@ Bristles: TypeAlias = ByLabel[Vector]
 first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Smallest depth at which a contact exists, m. The force at this depth is that of zero
-compression."""
+"""Depth of a contact at its wall, m, at which a law whose force jumps at the onset is evaluated. It
+is positive, since such a law has no force at depth zero, and too small to compress anything."""
 
 
 @jax.tree_util.register_dataclass
@@ -208,6 +208,7 @@ def _bristle_friction(
     """
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
+    # The ratio is the friction, with opposite sign, divided by the normal force.
     ratio = law.ratio(deflection, rate, contact.slip)
     # The normal turns as the contact moves along the wall, so a deflection from before has a
     # component along it. Friction acts in the tangent plane only.

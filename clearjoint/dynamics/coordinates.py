@@ -4,9 +4,10 @@ Forces, contact laws and joints are written for the motions of bodies, not for c
 of coordinates converts its variables to one `Motion` (pose and velocities) for each body. Let V be
 the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u the speeds of the
 coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
-- gyroscopic terms), where M is the matrix of masses and inertias, F are forces and moments, and '
-is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by u. Force and
-moment on a body together are a wrench.
+- gyroscopic terms), where M is the matrix of masses and inertias, F are forces (with weights) and
+moments, and ' is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by
+u. Rates are time derivatives, so u' are the rates of the speeds. Force and moment on a body
+together are a wrench.
 """
 
 import abc
@@ -66,7 +67,11 @@ class AbstractMechanics(abc.ABC):
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates of the speeds under given wrenches, by name of body, and gravity,
-        without constraints."""
+        without constraints.
+
+        Coordinates of bodies that all fall freely may leave gravity out of these rates, and add it
+        in `accelerations` and `variable_rates`.
+        """
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -84,11 +89,12 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative of a constraint row's value at zero rates of all
-        speeds, without the row's own `bias`.
+        """Return the second time derivative that a constraint row's value has if u' = 0, without
+        the row's own `bias`.
 
-        It is the row's Jacobian times the accelerations H' u of the bodies. If the rates of the
-        speeds are relative to free fall, these accelerations include gravity.
+        The speeds u themselves need not be zero. The result is the row's Jacobian times the
+        accelerations H' u of the bodies. If the rates u' are relative to free fall, the
+        accelerations at u' = 0 include gravity, and so does the result.
         """
 
     @abc.abstractmethod
@@ -97,7 +103,10 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def variable_rates(self, rates: Speeds) -> MotionVariables:
-        """Return the time derivatives of the variables for given rates of the speeds."""
+        """Return the time derivatives of the variables for given rates of the speeds.
+
+        They have the structure of the variables, with its time derivative in place of each one.
+        """
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
@@ -160,7 +169,10 @@ class AbstractCoordinates(eqx.Module):
     def with_speeds(
         self, scene: Scene, variables: MotionVariables, others: MotionVariables
     ) -> MotionVariables:
-        """Return the positions of `variables` with the speeds of `others`."""
+        """Return variables with the positions of `variables` and the speeds of `others`.
+
+        Time-stepping methods that advance positions and speeds separately call it.
+        """
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:

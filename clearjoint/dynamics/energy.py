@@ -55,21 +55,22 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 def bristle_energy(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
 ) -> Scalar | None:
-    """Return the energy stored in the bristles of all contacts, J, at their present normal forces,
-    or ``None`` if the scene has no bristle laws.
+    """Return the energy stored in the bristles of all contacts, J, under the normal forces in
+    `forces`, or ``None`` if the scene has no bristle laws.
 
     The ledger's "friction" counts this energy as dissipated, since friction takes it from the
     motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
     also changes with the normal force, without any work of the bodies.
 
-    **Arguments:** both by joint and contact label, `forces`: forces of all contacts; `bristles`:
-    deflections, m.
+    **Arguments:** `motions`: pose and velocities of each body; `forces`, `bristles`: forces of all
+    contacts, and deflections, m, both by joint and contact label.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
         to_first = motions[scene.contact_joints()[name].pair()[0]]
         for label, law in family.items():
             force, deflection = forces[name][label], to_first.direction(bristles[name][label])
+            # Only the part of the deflection in the tangent plane causes friction.
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
             stored.append(sum_(force.normal_force * law.stored_energy(across)))
@@ -92,6 +93,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
+            # Position along gravity times its magnitude, which is -g times the height.
             height = scene.gravity.dot(motions[name].position)
             energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
     if scene.forces:

@@ -1,8 +1,10 @@
-"""Equations of motion of a scene in scalar form (eqs 27-32 of Flores et al. 2006).
+"""Equations of motion of a scene in scalar form (eqs 27-32 of P. Flores et al., Spatial revolute
+joints with clearances for dynamic analysis of multi-body systems, 2006).
 
 All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
 multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
-equation with its Jacobian. The speeds are those of the chosen coordinates.
+equation with its Jacobian. The speeds are those of the chosen coordinates, and their rates are the
+time derivatives.
 """
 
 from collections.abc import Iterable, Mapping
@@ -65,8 +67,8 @@ class Dynamics:
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Return the wrench (force and moment) on each body that force elements, films and contacts
-    cause, by name.
+    """Return the wrench (force and moment) that force elements, films and contacts exert on each
+    body, by name.
 
     Gravity is not included, because the coordinates add it as an acceleration.
 
@@ -75,6 +77,7 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
+    # Names need not be those of the scene's bodies: grouped joints act on groups of bodies.
     def apply(given: Iterable[tuple[str, Wrench]]) -> None:
         for name, wrench in given:
             if name != GROUND:
@@ -126,15 +129,16 @@ def solved(
     - `forces`: contact forces, which are already contained in `rates` and are only passed on to the
       result.
     - `rows`: constraint rows, by joint and label.
-    - `rates`: rates of the speeds without constraints, to which the effect of the constraints is
-      added.
+    - `rates`: time derivatives of the speeds without constraints, to which the effect of the
+      constraints is added.
     """
     if not rows:
         return Dynamics(mechanics, forces, rows, rates, {})
     in_order = flattened(rows)
     directions = [mechanics.projected(row.jacobian) for row in in_order]
-    # Second derivative of each row: its target by the stabilisation, minus the part that does not
-    # depend on the rates, minus the part of the unconstrained rates.
+    # The reactions must change the second time derivative of each row by these targets: the value
+    # that the stabilisation demands, minus the part that does not depend on the rates, minus the
+    # part of the unconstrained rates.
     targets = [
         formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
         - add(row.bias, mechanics.bias(row))

@@ -2,7 +2,8 @@
 solver.
 
 Stabilisation is a method against the drift of constraints by integration errors: Baumgarte's
-feedback (eq. 32 of Flores et al. 2006), projection at the end of each step, or none.
+feedback (eq. 32 of P. Flores et al., Spatial revolute joints with clearances for dynamic analysis
+of multi-body systems, 2006), projection at the end of each step, or none.
 """
 
 from collections.abc import Callable
@@ -52,7 +53,7 @@ class AbstractStabilisation(AbstractConverting):
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return corrected variables at the end of a step; by default they are unchanged.
+        """Return the variables at the end of a step, corrected; by default they are unchanged.
 
         **Arguments:** `variables`: positions and speeds in the run's coordinates; `project`:
         function that returns given variables with positions and speeds projected onto the
@@ -77,7 +78,7 @@ class Baumgarte(AbstractStabilisation):
     constraint (eq. 32; J. Baumgarte 1972).
 
     `value` and `rate` are those of the constraint. `alpha` and `beta` are in 1/s; 5 is usual. In
-    the paper, the dot on the first term is missing.
+    the paper, the first term lacks the dot that marks the rate.
 
     >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
     >>> print(f"{feedback:.3f}")  # -beta^2 value
@@ -95,6 +96,8 @@ class Baumgarte(AbstractStabilisation):
 class Projection(AbstractStabilisation):
     """Projection of positions and velocities onto the constraints at the end of each step.
 
+    The positions are corrected by one Newton step, which suffices for the small error of a step.
+
     >>> method = cj.Projection()
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=method).stabilisation
     Projection()
@@ -111,9 +114,9 @@ class Formulation(eqx.Module):
     - `coordinates`: the integrated variables; `JointCoordinates` by default.
     - `stabilisation`: how constraints are kept satisfied; `Baumgarte` feedback by default.
     - `redundant`: whether some constraints depend on others; see `clearjoint.constraint_report`. If
-      so, reactions are not unique, and the multipliers of least norm are computed, where each is
-      divided by the square root of the mass, or moment of inertia, that it would accelerate if all
-      bodies were free.
+      so, reactions are not unique, and the multipliers of least norm are computed. In this norm,
+      each multiplier is divided by the square root of the mass, or moment of inertia, that it would
+      accelerate if all bodies were free, so that forces and moments can be added.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
 

@@ -31,10 +31,10 @@ from .system import System
 
 OUTSIDE = 1e-6
 """Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
-bearing."""
+bearing. A contact under load can have a smaller penetration, which is kept."""
 FAR_OUTSIDE = 1e-2
 """Penetration at the start of a run, relative to the largest one that the joint allows, above which
-a warning is issued."""
+a warning is issued. Contacts in motion are usually far less deep."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
 """Penetration of each contact, m, by joint and contact label; negative without contact."""
@@ -57,7 +57,7 @@ def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractCon
     """Return ideal joints that hold the journals of the named clearance joints centred, by name of
     clearance joint.
 
-    Clearance joints without a centred position are left out.
+    Joints whose method `centred_joint` returns ``None`` have no centred position and are left out.
     """
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
@@ -74,10 +74,11 @@ def resting_joints(
     """Return ideal joints that hold the journals of the named clearance joints at the wall, by
     name.
 
-    A journal is held on the side to which its load presses it while the bodies are at rest.
+    A journal is held on the side to which its load presses it while the bodies are at rest. The
+    load is the reaction of an ideal joint in the place of the clearance joint.
 
     **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
-    `state`: a state that satisfies the ideal joints; `t`: s.
+    `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
 
     **Raises:** `ValueError` for a joint without a load across its axis.
     """
@@ -85,6 +86,7 @@ def resting_joints(
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
         first, second = joints[name].pair()
+        # The force that presses the second body against the first, N.
         load = np.asarray(loads[name])
         joint = joints[name].resting_joint(load)
         expected = f"a joint in which {second!r} is pressed against {first!r} across the axis"
@@ -145,6 +147,7 @@ def warn_of_journals_outside(
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
                 first = int(np.argmax(excess > 0.0))
+                # Of several departures the earliest is reported; pairs compare by time first.
                 departure = float(times[first]), float(excess[first])
                 departures[name] = min(departure, departures.get(name, departure))
     for name, (when, excess) in departures.items():
@@ -173,7 +176,7 @@ def slid_out(
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
-    """Return whether any journal has slid out of its bearing.
+    """Return whether any journal has slid out of its bearing, in a form that JAX can trace.
 
     Joints whose journal cannot slide axially are left out.
 

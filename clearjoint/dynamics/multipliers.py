@@ -1,4 +1,5 @@
-"""Lagrange multipliers of constraint rows (eqs 30 and 32 of Flores et al. 2006).
+"""Lagrange multipliers of constraint rows (eqs 30 and 32 of P. Flores et al., Spatial revolute
+joints with clearances for dynamic analysis of multi-body systems, 2006).
 
 A row is one scalar constraint equation; its Jacobian by the speeds of the coordinates is a list
 with one number for each speed. Small systems of equations are solved by unrolled scalar arithmetic,
@@ -49,12 +50,12 @@ def response(
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
         return [0.0] * len(directions[0]), multipliers
-    # `weighted` are the rows of D M^-1.
     rows = [solver.significant(directions[k]) for k in kept]
     aims = [targets[k] for k in kept]
     if weights is not None:
         rows = [[multiply(weights[k], a) for a in row] for k, row in zip(kept, rows, strict=True)]
         aims = [multiply(weights[k], aim) for k, aim in zip(kept, aims, strict=True)]
+    # The rows of D M^-1.
     weighted = [mechanics.solved(row) for row in rows]
     change: Speeds = [0.0] * len(directions[0])
     if len(rows) > LARGEST_UNROLLED:
@@ -67,6 +68,7 @@ def response(
         nonzero = solver.unrolled(schur, aims)
         for part, multiplier in zip(weighted, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+    # A weighted row has the multiplier of the row itself divided by the weight.
     for k, multiplier in zip(kept, nonzero, strict=True):
         multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
     return change, multipliers
@@ -110,7 +112,8 @@ def as_array(numbers: Sequence[Scalar]) -> jax.Array:
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
-    """Return the time derivative of a constraint row's value for given motions of the bodies."""
+    """Return the time derivative, m/s, rad/s or 1/s, of a constraint row's value for given motions
+    of the bodies by name."""
     total = row.time_rate
     for name, pair in row.jacobian.items():
         if name != GROUND:

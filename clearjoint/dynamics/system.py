@@ -66,11 +66,11 @@ class System(eqx.Module):
 
     @staticmethod
     def of(scene: Scene, formulation: Formulation) -> "System":
-        """Return the system of a scene in scalar form, in which alike elements are computed
-        together as groups.
+        """Return the system of a scene in scalar form, with groups where that is possible.
 
-        The names of bodies and joints in states and entry speeds are then those of groups where
-        elements have been grouped; see `clearjoint.math.groups`.
+        A group is a number of bodies, or of clearance joints, that differ only in their numbers and
+        are computed together as arrays. In states and entry speeds, its name replaces the names of
+        its elements; see `clearjoint.math.groups`.
         """
         return System(*grouped(scene, formulation))
 
@@ -105,7 +105,7 @@ class System(eqx.Module):
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
-        """Return the positions of `variables` with the speeds of `others`."""
+        """Return variables with the positions of `variables` and the speeds of `others`."""
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
     def motions(self, variables: MotionVariables) -> Motions:
@@ -113,13 +113,13 @@ class System(eqx.Module):
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return mass matrix and kinematics of the scene for given variables, without any
-        forces."""
+        """Return the equations of motion of the scene for given variables, without any forces: its
+        mass matrix and kinematics."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """Return the rows of those constraints that the coordinates do not eliminate, by joint and
-        label."""
+        """Return the rows, at time t, of those constraints that the coordinates do not eliminate,
+        by joint and label."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
@@ -270,8 +270,9 @@ class System(eqx.Module):
         """Return the rows of constraints that depend on time, for bodies at rest, without their
         Jacobians.
 
-        `time_rate` and `bias` of such a row are the first and second time derivative of its value.
-        The list has the order of `rows`.
+        At rest, the value of such a row changes only as its driver prescribes: `time_rate` and
+        `bias` are the first and second time derivative of the value. The list has the order of
+        `rows`.
         """
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)

@@ -10,7 +10,8 @@ from .vectors import Condition, Scalar, are_traced_alike, library
 
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
-    """Return `first` if the condition holds, else `second`."""
+    """Return `first` if the condition holds, else `second`; for arrays element by element."""
+    # JAX traces the primitive in less time than `jax.numpy.where`.
     if isinstance(condition, Tracer) and are_traced_alike(first, second) and not condition.shape:
         return jax.lax.select(condition, first, second)
     return library((condition, first, second)).where(condition, first, second)

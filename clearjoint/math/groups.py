@@ -41,7 +41,8 @@ class GroupName(str):
 def is_structural(leaf: object) -> bool:
     """Return whether a leaf of a PyTree is structural: a Python number, but not one of NumPy.
 
-    All elements of a group have the same structural numbers.
+    Structural numbers are known while JAX traces; most are exact zeros and ones, on which
+    operations are omitted. All elements of a group have the same ones, so they need no array.
     """
     return type(leaf) in (int, float, bool)
 
@@ -49,7 +50,7 @@ def is_structural(leaf: object) -> bool:
 def stack(trees: Sequence[PyTree]) -> PyTree:
     """Return n PyTrees of scalars, of the same structure, as one PyTree of arrays (n,).
 
-    Leaves that are Python numbers are taken from the first PyTree.
+    Leaves that are Python numbers stay Python numbers; they are those of the first PyTree.
     """
     first, structure = jax.tree.flatten(trees[0])
     columns = zip(*(jax.tree.leaves(tree) for tree in trees), strict=True)
@@ -66,7 +67,8 @@ def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
 
 
 def element(tree: PyTree, index: int) -> PyTree:
-    """Return one of the n elements of a group, (...) from (..., n)."""
+    """Return one of the n elements of a group: a PyTree with arrays (...), from one with arrays
+    (..., n)."""
     return jax.tree.map(lambda leaf: leaf if is_structural(leaf) else leaf[..., index], tree)
 
 
@@ -102,7 +104,8 @@ def by_name(groups: Mapping[str, PyTree]) -> dict[str, PyTree]:
 def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     """Call a function once for all n elements of a group, by `jax.vmap`.
 
-    In contrast to scalar arithmetic, the function may use arrays for an element.
+    This is for functions that use arrays for one element, such as methods of user-defined classes.
+    Functions that consist of scalar arithmetic take the arrays (n,) directly.
 
     **Arguments:** `arguments`: PyTrees. Their arrays of shape (n,) have one entry for each element;
     scalars and Python numbers are the same for all elements.
@@ -112,6 +115,8 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     """
     leaves, structure = jax.tree.flatten(arguments)
     mapped = [not is_structural(leaf) and jnp.ndim(leaf) == 1 for leaf in leaves]
+    # The structure of the function's result, and the leaves that are Python numbers in it. They are
+    # found while the function is traced, since `jax.vmap` returns arrays only.
     shape: PyTree = None
     shared: list[Scalar | None] = []
 
@@ -142,5 +147,6 @@ def min_(value: Scalar) -> Scalar:
 
 
 def any_(value: Condition) -> Condition:
-    """Return whether a condition (n,) holds for any element of a group, or a scalar unchanged."""
+    """Return whether a condition (n,) holds for any element of a group, or a scalar condition
+    unchanged."""
     return value if np.ndim(value) == 0 else jnp.any(value)

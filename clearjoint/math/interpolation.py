@@ -13,11 +13,13 @@ import jax.numpy as jnp
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in `hermite_root`."""
+"""Number of Newton steps in `hermite_root`. The number of digits doubles in each, once it is near
+the root."""
 TINY = 1e-200
-"""Coefficient of x^2 below which a parabola counts as a straight line."""
+"""Coefficient of x^2 below which a parabola counts as a straight line. It is so small that only a
+coefficient of zero is meant, by which nothing can be divided."""
 SECANT_STEPS = 4
-"""Number of evaluations in `secant_root`."""
+"""Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
@@ -28,7 +30,8 @@ GUESS_MARGIN = 0.1
 relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
 LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
-to the length of the interval."""
+to the length of the interval. For a larger one, the cubic's maximum is not near the parabola's, and
+a single Newton step does not find it."""
 
 
 class Slope(NamedTuple):
@@ -54,12 +57,15 @@ def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position x of the root of a cubic, given at the ends of a step.
+    """Return the approximate position x of the root of a cubic, given by its values and rates at
+    the ends of a step.
 
     The values at the ends must have opposite signs. The root is approximated by `NEWTON_STEPS`
-    Newton steps within a shrinking bracket, which is less accurate for a large curvature.
+    Newton steps within a shrinking bracket. The larger the cubic's curvature, the less accurate the
+    result is.
     """
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
+    # Start from the root of the straight line through both ends.
     x = start.value / (start.value - end.value)
     sign = jnp.where(end.value > 0.0, 1.0, -1.0)
     for _ in range(NEWTON_STEPS):
@@ -75,13 +81,17 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position x of a function's root in a step, by secant steps.
+    """Return the approximate position x of a function's root in a step, by `SECANT_STEPS` secant
+    steps.
+
+    It serves for functions whose rates are not known, unlike `hermite_root`.
 
     **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
     must have opposite signs.
     """
     x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
     for _ in range(SECANT_STEPS):
+        # After convergence, neither x nor the value changes, and x must stay where it is.
         change = value - value_old
         slope = jnp.where(change == 0.0, 1.0, change)
         x_old, x = x, jnp.clip(x - value * (x - x_old) / slope, 0.0, 1.0)
@@ -110,6 +120,8 @@ class Quintic(NamedTuple):
     @staticmethod
     def through(start: Bend, end: Bend, h: Scalar) -> "Quintic":
         """Return the polynomial with given values, rates and second rates at the step's ends."""
+        # Derivatives by x. The coefficients up to x^2 follow from the start, and the other three
+        # from the remainders of value, first and second derivative at the end.
         a, da, dda = start.value, h * start.rate, h * h * start.second_rate
         b, db, ddb = end.value, h * end.rate, h * h * end.second_rate
         rise = b - a - da - 0.5 * dda
@@ -150,6 +162,8 @@ class Parabola(NamedTuple):
 
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
         """Return the smallest and the largest value for x in [a, b]."""
+        # Without curvature the vertex is arbitrary, which does no harm: clipped to [a, b], it is
+        # one more point of the straight line.
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
         ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
         return (
@@ -170,6 +184,7 @@ class Parabola(NamedTuple):
         q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
         r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
         between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
+        # A parabola that opens upwards is below the level between its roots, another one outside.
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
         # Without roots, the parabola is on one side of the level throughout.
         throughout = jnp.where(self.at(0.5 * (a + b)) < level, b - a, 0.0)
@@ -236,12 +251,13 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
     # In Newton's form, the cubic is the parabola plus twist (x - first)(x - middle)(x - last). The
-    # first and second derivative of the cubic at x follow.
+    # first and second derivative of the cubic at x follow, where the parabola's slope is zero.
     twist = (bend - _bend(before, first, middle)) / _positive(last.x - before.x)
     a, b, c = x - first.x, x - middle.x, x - last.x
     slope = twist * (a * b + b * c + c * a)
     slope_rate = 2.0 * (bend + twist * (a + b + c))
     limit = LARGEST_SHIFT * (last.x - first.x)
+    # Without a maximum near x, the divisor is infinite, and the shift is zero.
     shift = -slope / jnp.where(slope_rate < 0.0, slope_rate, -jnp.inf)
     return jnp.clip(x + jnp.clip(shift, -limit, limit), first.x, last.x)
 
@@ -257,11 +273,13 @@ def highest(
     """Estimate the maximum of a function between the first and the last of three points.
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
-    Algorithms for Minimization without Derivatives, 1973, ch. 5). The value of the result is one of
-    the function's values, because the maximum of a parabola would be too large at a kink.
+    Algorithms for Minimization without Derivatives, 1973, ch. 5).
 
     **Arguments:** `value_at`: function of x; `first`, `middle`, `last`: points of the function in
     order of x.
+
+    **Returns:** the highest of the evaluated points. Its value is one of the function's values,
+    because the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # The last evaluation is not used for a further parabola, and may be near the other points.
@@ -274,7 +292,7 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return three neighbours of four points, in order of x, with the highest inner one in between.
+    """Return the higher one of two inner points with its neighbours, in order of x.
 
     The inner points are `middle` and `new`, both of which are between `first` and `last`.
     """

@@ -17,7 +17,8 @@ from .vectors import Scalar, add, is_zero, multiply, subtract
 LARGEST_UNROLLED = 12
 """Largest number of rows of a system that is solved by unrolled arithmetic."""
 Rows = Sequence[Sequence[Scalar]]
-"""Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read."""
+"""Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read, so that row i
+may have only i + 1 entries."""
 
 
 class UnrolledFactorisation:
@@ -33,6 +34,7 @@ class UnrolledFactorisation:
         n = len(matrix)
         self._lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
         self._inverse_diagonal: list[Scalar] = []
+        # The product L D, column by column.
         scaled: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
         for j in range(n):
             pivot = self._reduced(matrix[j][j], self._lower[j], scaled[j][:j])
@@ -43,12 +45,14 @@ class UnrolledFactorisation:
 
     @staticmethod
     def _reduced(start: Scalar, first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
+        """Return `start` minus the inner product of two lists, over the length of the shorter."""
         for a, b in zip(first, second, strict=False):
             start = subtract(start, multiply(a, b))
         return start
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of the system matrix x = right, as n scalars each."""
+        """Return the solution x of the system matrix x = right; both are lists of n scalars."""
+        # Solve L z = right, then D L^T x = z.
         n = len(right)
         z: list[Scalar] = []
         for i in range(n):
@@ -75,14 +79,17 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of matrix x = right, in the original order of the unknowns."""
+        """Return the solution x of matrix x = right; both are lists of n scalars in the original
+        order of the unknowns."""
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
 
 
 def _least_degree_order(matrix: Rows) -> list[int]:
+    """Return the indices of the unknowns of a matrix in their order of elimination."""
     n = len(matrix)
+    # Two unknowns are neighbours if their entry of the matrix is not a structural zero.
     neighbours: dict[int, set[int]] = {
         i: {j for j in range(n) if i != j and not is_zero(matrix[max(i, j)][min(i, j)])}
         for i in range(n)
@@ -100,14 +107,17 @@ def _least_degree_order(matrix: Rows) -> list[int]:
 
 
 class AbstractSolver:
-    """Base class of solvers for matrix x = right, with rows of scalars or with arrays."""
+    """Base class of solvers for matrix x = right, with rows of scalars or with arrays.
+
+    The matrix is D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
+    """
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return a row with zeros in place of entries that are rounding errors.
+        """Return a row of D without entries that this solver takes for rounding errors.
 
-        By default the row is returned unchanged.
-
-        **Arguments:** `row`: a row of the Jacobian D, where D M^-1 D^T is the matrix to solve.
+        It is called for each row of D before the matrix is computed from the results. By default
+        the row is returned unchanged; a solver for singular matrices puts zeros in place of such
+        entries.
         """
         return list(row)
 
@@ -142,7 +152,8 @@ class LeastNorm(AbstractSolver):
     differentiated where eigenvalues coincide.
 
     - `relative_shift`: eps relative to the mean of the diagonal of S.
-    - `sweeps`: number of iterations.
+    - `sweeps`: number of iterations. Unless sigma is far below that mean, three of them reduce the
+      error to rounding errors.
     """
 
     relative_shift = 1e-8
@@ -191,7 +202,8 @@ class LeastNorm(AbstractSolver):
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    """Return the inner product of two lists of n scalars."""
+    """Return the inner product of two lists of n scalars, without operations on structural
+    zeros."""
     total: Scalar = 0.0
     for a, b in zip(first, second, strict=True):
         total = add(total, multiply(a, b))

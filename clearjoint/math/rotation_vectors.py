@@ -62,7 +62,11 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle from 0 to pi divided by its sine, which is 1 at zero and finite at pi."""
+    """Return an angle from 0 to pi divided by its sine, given the squared sine and the cosine.
+
+    The result is 1 at an angle of zero. At exactly pi, where the quotient is infinite, it is an
+    arbitrary finite number; the vector that it multiplies is zero there.
+    """
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)
@@ -73,7 +77,12 @@ def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def _curvature(squared_angle: Scalar, stretch: Scalar, cosine: Scalar) -> Scalar:
-    """Return (1 - (angle/2) cot(angle/2))/angle^2; `stretch` is the angle divided by its sine."""
+    """Return (1 - (angle/2) cot(angle/2))/angle^2, the `factor` of a `RotationVector`.
+
+    **Arguments:** `squared_angle`: rad^2; `stretch`: the angle divided by its sine; `cosine`: of
+    the angle.
+    """
+    # cot(angle/2) is (1 + cosine)/sine. Near zero the difference would cancel, so a series is used.
     near = squared_angle < 100.0 * SMALL
     a = jnp.where(near, squared_angle, 0.0)
     series = 1.0 / 12.0 + a * (1.0 / 720.0 + a * (1.0 / 30240.0 + a / 1209600.0))

@@ -55,7 +55,7 @@ def is_zero(a: Scalar) -> bool:
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    """Return a + b, without an operation if either is a structural zero."""
+    """Return a + b: the other number itself if one of them is a structural zero."""
     if _is(a, 0):
         return b
     if _is(b, 0):
@@ -64,7 +64,10 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, without a subtraction if either is a structural zero or both are one object."""
+    """Return a - b, without a subtraction if either is a structural zero or both are one object.
+
+    In the latter case the result is a structural zero.
+    """
     if a is b:
         return 0.0
     if _is(b, 0):
@@ -75,7 +78,8 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b, without an operation if either is a structural zero or one."""
+    """Return a * b, without an operation if either is a structural zero or one. The product with a
+    structural zero is a structural zero."""
     if _is(a, 0) or _is(b, 0):
         return 0.0
     if _is(a, 1):
@@ -256,6 +260,8 @@ structural. The pattern of an array without structural components may be ``None`
 class ConstantFolded:
     """PyTree of numbers, with the structural components of its vectors and matrices.
 
+    Compiled programs depend on the patterns, which are static, but not on the numbers.
+
     - `tree`: numbers and arrays.
     - `patterns`: structural components of each leaf of `tree`, in JAX's order; for a matrix, row by
       row.
@@ -268,16 +274,18 @@ class ConstantFolded:
 def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
-    Components of tracers, and of arrays in fields that are declared as tables, are not marked.
+    Components of tracers, and of arrays in fields with the metadata ``{"table": True}``, are not
+    marked.
 
     **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
-    a bool for each leaf, true for leaves whose components must not be marked.
+    a bool for each leaf, true for leaves whose components must not be marked, because their numbers
+    differ between runs of the same program.
     """
     leaves, structure = jax.tree.flatten(tree)
     tables = _in_tables(structure)
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
     rows = zip(leaves, tables, changing, strict=True)
-    # Tables keep their arrays in scalar form, so they have no components to fold.
+    # `unpack` leaves the arrays of tables as they are, so they have no components to mark.
     return ConstantFolded(
         tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
     )
@@ -287,7 +295,8 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
     """Return for each leaf of a PyTree whether it is in a field that is declared as a table.
 
-    Such a field has ``{"table": True}`` in its metadata.
+    Such a field has ``{"table": True}`` in its metadata. An array of shape (3,) in it is a column
+    of three numbers, not a vector.
     """
     tree = jax.tree.unflatten(structure, [0] * structure.num_leaves)
     paths, _ = jax.tree_util.tree_flatten_with_path(tree)
@@ -334,7 +343,8 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by its scalar form.
 
     The scalar forms are `Vector`, `EulerParameters` and `Matrix`. Structural components of a
-    `ConstantFolded` PyTree become Python numbers. Fields declared as tables keep their arrays.
+    `ConstantFolded` PyTree become Python numbers. Fields with the metadata ``{"table": True}`` keep
+    their arrays.
 
     **Arguments:** `tree`: PyTree of arrays; `leading`: number of axes that all arrays have before
     these shapes. The scalars are then arrays with these axes.

@@ -63,7 +63,8 @@ class Memory:
     """
 
     def __init__(self, cells: int, lanes: int = 1):
-        # Vectors of the processor are aligned to 64 bytes, which is 8 numbers.
+        # Vectors of the processor are aligned to 64 bytes, which is 8 numbers. NumPy aligns arrays
+        # to less, so up to 7 numbers are left out at the start.
         numbers = np.zeros(cells * lanes + 8)
         offset = -(numbers.ctypes.data // 8) % 8
         self.floats = numbers[offset : offset + cells * lanes].reshape(cells, lanes)
@@ -75,7 +76,7 @@ class Memory:
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
-        """Return the array of a region of a memory with one lane.
+        """Return the array of a region. The memory must have one lane only.
 
         The array is a view of the memory, or a copy if the dtype has less than 64 bits.
         """
@@ -86,7 +87,8 @@ class Memory:
 class Cells:
     """Conversion of PyTrees to rows of numbers, as they stand in memory, and back.
 
-    All PyTrees have the structure, shapes, dtypes and static leaves of an example.
+    A row has the numbers of one PyTree, one array after the other. All PyTrees have the structure,
+    shapes, dtypes and static leaves of an example.
 
     - `size`: number of cells of a PyTree.
 
@@ -103,7 +105,8 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with the index of its cell in place of each element of an array."""
+        """Return the example with the index of its cell in place of each element of an array, to
+        find a part of the PyTree in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:

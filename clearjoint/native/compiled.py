@@ -1,4 +1,7 @@
-"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere.
+
+Native code is made from a jaxpr by a rule for each JAX primitive. Some primitives have no rule.
+"""
 
 import os
 import warnings
@@ -52,7 +55,11 @@ class Native(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result."""
+        """Return the function's result.
+
+        If native code once cannot be made for arguments of some structure, shapes and dtypes, XLA
+        computes all later calls with such arguments.
+        """
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
         flat = FlatArguments.of(arguments)
@@ -67,7 +74,7 @@ class Native(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of programs that XLA or LLVM has compiled for this function."""
         return self._compiled.programs() + self.native.count()
 
 
@@ -79,8 +86,8 @@ def is_native() -> bool:
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
     """Return the results of a function of the n rows of arrays, in arrays (n, ...).
 
-    XLA computes all rows at once. Native code computes them in a loop, because it would contain a
-    copy of a function mapped by `jax.vmap` for each row.
+    XLA computes all rows at once, by `jax.vmap`. Native code computes them in a loop: it consists
+    of scalar operations, and would contain those of a mapped function once for each row.
 
     **Arguments:** `rows`: PyTrees of arrays (n, ...); the function takes one entry of each.
     """

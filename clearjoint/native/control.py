@@ -1,7 +1,9 @@
 """Rules of the primitives for branches and loops.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
 
 In a program of several lanes a condition is a vector. A branch is executed if its condition holds
 in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
@@ -34,6 +36,11 @@ from .operations import Symbol, Value
 
 
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
+    """Add a branch (`jax.lax.cond`), and return its results.
+
+    The condition is a bool, or the index of a branch. Only the chosen branch is added if the
+    condition is known, both are computed if they are short, and otherwise the program jumps.
+    """
     branches = equation.params["branches"]
     ops = lower.ops
     assert isinstance(condition, int)
@@ -43,9 +50,11 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return lower.inline(chosen, arguments)
     if len(branches) != 2:
         raise UnsupportedPrimitiveError("switch between more than two branches")
+    # From here on there are two branches, and the second one is executed if the condition holds.
     if ops.kinds[condition] != "b":
         condition = Symbol(ops, condition).compare("gt", 0).value
     no, yes = branches
+    # A choice between large arrays in memory would copy them, so it is made by a jump.
     in_memory = any(aval_of(v).size > LARGEST_UNROLLED for v in equation.outvars)
     no_size, yes_size = (count_equations(branch.jaxpr) for branch in branches)
     if not in_memory and max(no_size, yes_size) <= LONGEST_CHOICE:
@@ -54,6 +63,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return _selected(lower, condition, lower.inline(yes, arguments), no_results)
     if ops.width == 1:
         return _branch(lower, condition, yes, no, arguments)
+    # In several lanes both branches may be executed, each for the lanes that need it.
     opposite = ops.emit("not", "b", condition)
     yes_results = _if_any(lower, condition, yes, arguments, yes_size, in_memory)
     no_results = _if_any(lower, opposite, no, arguments, no_size, in_memory)
@@ -61,7 +71,11 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
-    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`."""
+    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`.
+
+    **Raises:** `UnsupportedPrimitiveError` for arrays in different cells of memory, which would
+    have to be copied in each lane.
+    """
     for new, old in zip(yes, no, strict=True):
         if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
             raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
@@ -89,6 +103,7 @@ def _if_any(
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
     """
+    # A short branch is computed in any case, since a jump would cost more.
     if size <= LONGEST_CHOICE and not in_memory:
         return lower.inline(branch, arguments)
     results: list[Array] = []
@@ -99,6 +114,7 @@ def _if_any(
         return lower.flatten(results)
 
     def leave_out() -> list[Value]:
+        # `compute` has been called before, so the kinds of the results are known.
         return [lower.ops.constant(lower.ops.kinds[v], 0) for v in lower.flatten(results)]
 
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
@@ -111,7 +127,11 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane, and return its results."""
+    """Add a branch in a program of one lane, and return its results.
+
+    **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
+    memory, and those of the first one may not be overwritten by the second.
+    """
     first_results: list[Array] = []
 
     def build(branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
@@ -137,6 +157,7 @@ def _branch(
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
+    """Add a loop (`jax.lax.while_loop`), and return its results."""
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
@@ -181,6 +202,7 @@ def loop(
     - `uniform`: whether the condition is the same in all lanes.
     """
     ops = lower.ops
+    # The body overwrites its carries, so others' arrays are copied.
     first = [lower.copied(a) if isinstance(a, InMemory) and not a.owned else a for a in first]
     if ops.width > 1 and not uniform and any(isinstance(a, InMemory) for a in first):
         raise UnsupportedPrimitiveError("loops over large arrays in lanes")
@@ -229,12 +251,19 @@ def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Arra
 
 
 def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
+    """Add a loop over rows of arrays (`jax.lax.scan`), and return its results.
+
+    The rows are read from memory and the outputs are written there, both at an index that the loop
+    counts. The results are the last carries, then the arrays of outputs.
+    """
+    # JAX's arguments are constants, first carries and inputs; its results are carries and outputs.
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
         constants, carried = parameters["num_consts"], parameters["num_carry"]
     else:  # From JAX 0.11 on.
         constants, carried, _ = map(len, parameters["ft_in"].unpack())
     length, closed = parameters["length"], parameters["jaxpr"]
+    # Constants and inputs are read in each iteration, and must not be overwritten.
     consts = [borrowed(a) for a in arguments[:constants]]
     first = list(arguments[constants : constants + carried])
     avals = [aval_of(v) for v in equation.invars[constants + carried :]]
@@ -250,6 +279,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         """Return the row-major index of the first element of a row of an array."""
         return (Symbol(ops, row) * math.prod(memory.shape[1:])).value
 
+    # The first carry of the loop is the number of the iteration.
     def iterate(carries: list[Array]) -> list[Array]:
         k = carries[0]
         assert isinstance(k, int)

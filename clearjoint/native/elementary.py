@@ -11,7 +11,8 @@ sines, cosines and `tanh`, and 0.7 for the others. For arguments outside of the 
 infinities and NaN, the C library is called.
 
 A number of about twice the precision of a double is the sum of two doubles, a high and a low part.
-The functions here take and return values of a program (`Symbol`), not numbers.
+The functions here take and return values of a program (`Symbol`), not numbers: an operator such as
+``a + b`` adds an operation to the program, which is executed when the program runs.
 """
 
 import math
@@ -20,10 +21,10 @@ from collections.abc import Callable, Sequence
 from .operations import Symbol
 
 LARGEST_ANGLE = 1e8
-"""Largest argument of sines and cosines, rad."""
+"""Largest argument of sines and cosines, rad. The reduction of larger ones would lose digits."""
 LARGEST_EXPONENT = 700.0
 """Largest argument of exponentials, and for powers the largest product of the exponent and the
-logarithm of the base."""
+logarithm of the base. The results, from 1e-304 to 1e304, are normal numbers."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
 """Range of the arguments of logarithms and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
@@ -42,6 +43,8 @@ _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 """pi/2 as a sum of three doubles."""
 _ROUNDING = 6755399441055744.0
 """1.5 * 2**52: the sum with a number below 2**51 has the nearest integer in its last bits."""
+# Coefficients of fdlibm's polynomials: for sines from the third power on, for cosines from the
+# fourth power on.
 _SINE = (
     -1.66666666666666324348e-01,
     8.33333333332248946124e-03,
@@ -83,7 +86,8 @@ def _polynomial(x: Symbol, coefficients: Sequence[float]) -> Symbol:
 
 
 def _product(a: Symbol, b: Symbol | float) -> tuple[Symbol, Symbol]:
-    """Return the exact product a b as the sum of a high and a low part."""
+    """Return the exact product a b as the sum of a high part, the rounded product, and a low part,
+    its rounding error."""
     high = a * b
     return high, _fma(a, b, -high)
 
@@ -173,6 +177,7 @@ def _sine(angle: Symbol, name: str = "sin") -> Symbol:
         return angle.like(getattr(math, name)(float(known)))
     sine, cosine, quarter = _sine_and_cosine(angle)
     even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
+    # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n.
     size = _has_bit(quarter, 1).select(odd, even)
     if name == "cos":  # cos(x) = sin(x + pi/2)
         quarter = quarter + 1
@@ -184,6 +189,7 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return the logarithm of a positive normal number as a high and a low part."""
     # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh(s) with
     # s = (m - 1) / (m + 1) = f / divisor, as s + s_low.
+    # k is found from the bits, in which the exponent begins at the 52nd. `number` is k as a float.
     bits = _bits(x)
     k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
     m = _of_bits(bits - k.emit("shift_left", 52))
@@ -218,7 +224,8 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
     """Return r, p and n of exp(x + x_low) = 2**n (1 + r + p).
 
-    n is an integer, and p is small.
+    n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
+    the small rest.
     """
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)
@@ -237,6 +244,7 @@ def _exponential_from(x: Symbol, x_low: Symbol | float) -> Symbol:
 
 def _exponential_less_one(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return exp(x) - 1 as a high and a low part."""
+    # The sum (2**n - 1) + 2**n r + 2**n p, in which large terms cancel if x is small.
     r, p, n = _exponential_of(x, 0.0)
     one = x.like(1.0)
     scale = _scaled(one, n)
@@ -257,10 +265,12 @@ def _expm1(x: Symbol) -> Symbol:
 
 def _tanh(x: Symbol) -> Symbol:
     """Return tanh(x) as E / (E + 2) with E = exp(2 |x|) - 1, and the sign of x."""
+    # Beyond _LAST_TANH the result is one, and E would overflow.
     size, last = x.emit("abs"), x.like(_LAST_TANH)
     size = size.compare("gt", last).select(last, size)
     high, low = _exponential_less_one(size + size)
     divisor, rest = _sum(x.like(2.0), high)
+    # The remainder of the division corrects the quotient.
     q = high / divisor
     left = _fma(-q, divisor, high) + low
     left = _fma(-q, rest + low, left)
@@ -285,7 +295,8 @@ def _keeping_zero(x: Symbol, result: Symbol) -> Symbol:
 
 
 def power(base: Symbol, exponent: Symbol) -> Symbol:
-    """Return the power of two floats."""
+    """Return the power of two floats as exp(exponent log(base)), with twice the usual precision
+    inside of the exponential."""
     high, low = _logarithm_of(base)
     product, rest = _product(exponent, high)
     usual = _exponential_from(product, _fma(exponent, low, rest))
@@ -304,4 +315,4 @@ ELEMENTARY: dict[str, Callable[[Symbol], Symbol]] = {
     "log": _logarithm,
     "log1p": _log1p,
 }
-"""Rules as in `.elementwise`, by the names of primitives."""
+"""Functions that add a primitive's operations to the program, by the names of the primitives."""

@@ -1,7 +1,9 @@
 """Rules of the primitives that work element by element.
 
 A rule takes the arguments of a primitive as values of the program (`Symbol`) and returns the
-result; the same rules serve scalars and vectors of tangents.
+result; the same rules serve scalars and vectors of tangents. An operator such as ``a + b`` adds an
+operation to the program, and so does `Symbol.emit`, whose first argument is the operation's name.
+The letter of a value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
 """
 
 import math
@@ -15,6 +17,8 @@ from .llvm_text import LIBRARY
 from .operations import KINDS, Operations, Symbol, Value
 
 Rule = Callable[..., Symbol]
+"""Function of a primitive's arguments, and of its parameter in `PARAMETERS` if there is one, that
+adds operations to the program and returns the result."""
 PARAMETERS = {
     "integer_pow": "y",
     "round": "rounding_method",
@@ -52,10 +56,11 @@ def _multiply(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _compare(name: str) -> Rule:
-    """Return the rule of a comparison, named as in `Symbol.compare`."""
+    """Return the rule of the comparison `name`: "lt", "le", "gt", "ge", "eq" or "ne"."""
 
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter == "b":
+            # Equality of bools is a logical operation; to be ordered, they become integers.
             if name in ("eq", "ne"):
                 return a ^ b if name == "ne" else ~(a ^ b)
             a, b = convert(a, "i"), convert(b, "i")
@@ -65,7 +70,8 @@ def _compare(name: str) -> Rule:
 
 
 def _compare_totally(name: str) -> Rule:
-    """Return the rule of "lt", "le" or "eq" in a total order, in which NaN follows all numbers."""
+    """Return the rule of "lt", "le" or "eq" in a total order, in which NaN follows all numbers and
+    equals NaN. JAX uses this order for sorting."""
 
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter != "f":
@@ -86,6 +92,7 @@ def _extreme(name: str) -> Rule:
             return a | b if name == "gt" else a & b
         if a.letter != "f":
             return a.compare(name, b).select(a, b)
+        # A known number becomes the first, which saves the test for NaN below.
         if _is_number(b):
             a, b = b, a
         # One instruction of x86 processors, which returns the second if either is NaN: correct if
@@ -184,7 +191,8 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the kind with the given first letter."""
+    """Convert a value to the kind with the given first letter: "f" (float64), "i" (int64), "w"
+    (int32) or "b" (bool)."""
     old = a.letter
     if old == letter:
         return a

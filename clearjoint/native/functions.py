@@ -27,15 +27,16 @@ from .operations import Number, Operations
 RULES = structure.RULES | indexing.RULES | control.RULES
 """Rules of the primitives that do not work element by element, by the primitives' names."""
 LARGE = 256
-"""Number of elements from which on an argument is written to memory separately."""
+"""Number of elements from which on an argument is written to memory separately. For smaller ones
+the time of a call of NumPy counts more than that of a copy."""
 _ARRAY = ...
 """Stands for an array in the structure of a result; it is the same object after unpickling."""
 _COMPILES = threading.RLock()
-"""Held while a program is made."""
+"""Held while a program is made, so that threads do not make the same program."""
 
 
 class NativeProgram:
-    """A closed jaxpr as machine code.
+    """A closed jaxpr as machine code, to be called with arrays.
 
     - `code`: the machine code.
     - `inputs`: region of each argument; ``None`` for an argument that the program does not use.
@@ -53,6 +54,7 @@ class NativeProgram:
     ):
         stopwatch = Stopwatch() if stopwatch is None else stopwatch
         outs = closed.jaxpr.outvars
+        # Equations and arguments that the results do not need are left out.
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         tangents = tangents_of(jaxpr) if tangents is None else tangents
         lowering = Lowering(Operations(tangents=tangents), RULES)
@@ -92,7 +94,10 @@ class NativeProgram:
         return [memory.read(region) for region in self.outputs]
 
     def results(self, result: "Result") -> Cells:
-        """Return the conversion between results and rows of numbers."""
+        """Return the conversion between results and rows of numbers.
+
+        **Arguments:** `result`: structure of the function's result.
+        """
         return Cells(result([np.zeros(region.shape, region.dtype) for region in self.outputs]))
 
     def bound(
@@ -132,7 +137,9 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 
 
 class BoundFunction:
-    """A native function whose first argument is fixed. Only one thread may call it at a time.
+    """A native function whose first argument is fixed, for many calls that differ in the others.
+
+    Only one thread may call it at a time.
 
     - `results`: conversion between results and rows of numbers.
 
@@ -161,8 +168,8 @@ def evaluated(
 ) -> list[Number] | None:
     """Evaluate a scalar function of small arrays in Python, without compiling it.
 
-    Operations on known numbers are computed while a jaxpr is lowered. JAX itself would compile a
-    program for each kind of operation, which takes 20 ms.
+    Operations on known numbers are computed while a jaxpr is lowered, so lowering alone gives the
+    result. JAX itself would compile a program for each kind of operation, which takes 20 ms.
 
     **Arguments:** `function`: function of arrays that returns a number; `calls`: the arguments of
     each call, with the same shapes and dtypes in all calls.
@@ -272,6 +279,7 @@ class NativeFunction:
         return program
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
+        """Trace the function, and compile the program for flattened arguments."""
         result: list[PyTree] = []
 
         def of_arrays(arrays: list[PyTree]) -> list[PyTree]:

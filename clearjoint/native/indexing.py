@@ -1,9 +1,12 @@
 """Rules of the primitives that read or write elements at computed indices.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results. A block is a rectangular part of an array. It is given by the
-row-major index of its first element, which the program computes, and by the offsets of all its
-elements from there, which are known.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
+
+A block is a rectangular part of an array. It is given by the row-major index of its first element,
+which the program computes, and by the offsets of all its elements from there, which are known.
 """
 
 import math
@@ -81,6 +84,7 @@ def read_block(
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
+    # A large block is copied by a loop over consecutive cells.
     if not is_contiguous(offsets):
         raise UnsupportedPrimitiveError("dynamic_slice of many rows")
     out = lower.new_array(shape, memory.kind)
@@ -100,7 +104,11 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the index of the first element of a slice, and the offsets of its elements."""
+    """Return the index of the first element of a slice, and the offsets of its elements from there.
+
+    **Arguments:** `shape`: of the array; `sizes`, `starts`: along each axis, the slice's size and
+    the index at which it starts. As in JAX, a slice that extends beyond the array is moved inside.
+    """
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
@@ -122,8 +130,14 @@ def _dynamic_slice(
 def _dynamic_update_slice(
     lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
+    """Return an array in which the block that begins at `starts` is replaced by `update`.
+
+    In a small array at known indices, the values are exchanged without an operation. Otherwise the
+    block is written to memory, in place if nothing else reads the array.
+    """
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
+    # `known` is None if only the run determines the index.
     known = lower.ops.number(first)
     small = not isinstance(array, InMemory)
     if small and known is not None:
@@ -134,6 +148,7 @@ def _dynamic_update_slice(
     memory = lower.in_memory(array, shape)
     if not memory.owned:
         memory = lower.copied(memory)
+    # Only a block of consecutive elements can be copied from memory to memory by one loop.
     if isinstance(update, InMemory):
         if not is_contiguous(offsets):
             raise UnsupportedPrimitiveError("dynamic_update_slice of many rows")
@@ -225,7 +240,10 @@ def _block_reader(
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
-    """Return JAX's value for elements outside of an array (see `jax.lax.gather`)."""
+    """Return JAX's value for elements outside of an array (see `jax.lax.gather`).
+
+    **Arguments:** `given`: the value if the user has set one, else ``None``; `dtype`: of the array.
+    """
     if given is not None:
         return np.asarray(given, dtype).item()
     if dtype.kind == "f":

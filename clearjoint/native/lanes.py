@@ -1,8 +1,9 @@
 """Loops that compute several lanes at once, each in one slot of the processor's vectors.
 
 The memory of a group of lanes has a column for each lane. A loop returns to its host, the Python
-code that called it, as soon as a lane needs the host, for instance to empty a buffer of results;
-this does not affect the other lanes. The arithmetic of a lane does not depend on other columns.
+code that called it, as soon as a lane needs the host, for instance to empty a buffer of results.
+The next call continues all lanes from their states in memory. The arithmetic of a lane does not
+depend on other columns.
 """
 
 import abc
@@ -26,17 +27,20 @@ from .operations import Operations, Symbol, Value
 WIDTH = 8
 """Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
 LONGEST_RUN = 4096
-"""Number of iterations after which the loop returns at the latest."""
+"""Number of iterations after which the loop returns at the latest, so that its host can react to an
+interrupt and show progress."""
 
 
 class AbstractLaneLoop(abc.ABC):
-    """A loop that advances the states of a group of lanes.
+    """A loop that advances the states of a group of lanes. The memory of the group has one column
+    for each lane.
 
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
       cases one array after the other.
     - `occupied`: cell that is 1 if the column has a lane, else 0.
-    - `status`: regions of the scalars that describe the status of a lane, by name.
+    - `status`: regions of the scalars that describe the status of a lane, by name, such as whether
+      it needs its host.
     """
 
     width: int
@@ -201,11 +205,13 @@ def _traced(
         trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
         return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
 
+    # The names are known once JAX has traced this function.
     def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
         values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
         names[:] = values
         return [jax.numpy.asarray(value) for value in values.values()]
 
+    # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
     def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
         closed, _ = program_of(function, *leaves)
         outs = [True] * len(closed.jaxpr.outvars)

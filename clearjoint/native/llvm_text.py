@@ -95,6 +95,7 @@ class _Writer:
         """Return the text of the module; `result` is as in `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
+        # The last block is the program itself.
         blocks = [*self._program.functions, self._program.block]
         for block in reversed(blocks):  # A function is called only by later ones.
             self._mark(block)
@@ -136,7 +137,10 @@ class _Writer:
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Do for one entry what `_mark` does for a block."""
+        """Count the uses of values in an entry, and note whether the entry is needed.
+
+        **Returns:** whether the entry has an effect other than the values that it computes.
+        """
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:
@@ -169,6 +173,7 @@ class _Writer:
 
         If both terms of a sum are such products, only the first one is fused with the sum.
         """
+        # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
         for entry in block:
             if id(entry) not in self._live:
@@ -190,12 +195,13 @@ class _Writer:
     # Text.
 
     def _type(self, kind: str) -> Form:
+        """Return LLVM's type of a kind of values: a scalar, or a vector of lanes or tangents."""
         count = self._program.packed if kind.endswith("p") else self._width
         base = _BASES[kind[0]]
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
 
     def _value(self, value: Value) -> Word:
-        """Return a value in the function that is being written."""
+        """Return the constant or result that a value has in the function being written."""
         number = self._program.constants.get(value)
         if number is not None and value not in self._values:
             # llvmlite repeats the number in all elements of a vector.
@@ -221,6 +227,7 @@ class _Writer:
         self._write_straight(straight)
 
     def _write_straight(self, entries: list[Operation]) -> None:
+        """Write operations between which no branch or loop stands."""
         for entry in self._by_need(entries):
             result = self._written(entry)
             if entry.out is not None and result is not None:
@@ -234,6 +241,8 @@ class _Writer:
         comes first. LLVM roughly keeps the given order. In this one, fewer values occupy registers,
         and a single run takes 0.93 of the time.
         """
+        # Operations that have not been placed and may be moved, by their results, and the lengths
+        # of the longest chains that end with them.
         definitions: dict[Value, Operation] = {}
         depths: dict[Value, int] = {}
         used_here: set[Value] = set()
@@ -245,6 +254,7 @@ class _Writer:
                 depths[entry.out] = 1 + max((depths.get(value, 0) for value in needed), default=0)
         ordered: list[Operation] = []
         for entry in entries:
+            # It is placed later, right before the operation that needs it.
             if entry.out in depths and entry.out in used_here:
                 continue
             # A search in depth by a stack: chains can be longer than Python's limit of recursion.
@@ -313,10 +323,12 @@ class _Writer:
         return self._intrinsic("fma", form, given)
 
     def _intrinsic(self, name: str, form: Form, given: list[Word]) -> Word:
+        """Call one of LLVM's functions, whose result has the type `form`."""
         full = f"llvm.{name}.{_mangled(given[0].type)}"
         return self._builder.call(self._declared(full, form, given), given)
 
     def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
+        """Return a function outside of the module, which is declared at its first use."""
         known = self._module.globals.get(name)
         types = [value.type for value in given]
         return known or ir.Function(self._module, ir.FunctionType(form, types), name)
@@ -337,6 +349,7 @@ class _Writer:
         return self._vector(form, elements)
 
     def _vector(self, form: Form, elements: Iterable[Word]) -> Word:
+        """Return a vector of the type `form` with the given elements."""
         vector = form(ir.Undefined)
         for k, element in enumerate(elements):
             vector = self._builder.insert_element(vector, element, _BASES["w"](k))
@@ -373,6 +386,8 @@ class _Writer:
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
+        """Write the instructions that read a cell, and return the content. If each lane has a cell
+        of its own, because the index is not uniform, the lanes are read one by one."""
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -387,6 +402,8 @@ class _Writer:
         return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
 
     def _store(self, entry: Operation) -> None:
+        """Write the instructions that store a value in a cell. If each lane has a cell of its own,
+        because the index is not uniform, the lanes are stored one by one."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder
@@ -402,6 +419,10 @@ class _Writer:
             builder.store(self._element(content, lane), pointer, align=8)
 
     def _write_branch(self, entry: Branch) -> None:
+        """Write a jump to one of two blocks, each of which continues after the branch.
+
+        There, a phi instruction gives each result the value from the block that was executed.
+        """
         builder, append = self._builder, self._builder.append_basic_block
         yes, no, end = append(), append(), append()
         builder.cbranch(self._holds_in_any(self._value(entry.condition)), yes, no)
@@ -409,6 +430,7 @@ class _Writer:
         for label, block in ((yes, entry.yes), (no, entry.no)):
             builder.position_at_end(label)
             self._write(block)
+            # If the block contains branches or loops, it does not end in the basic block `label`.
             ends.append(builder.block)
             builder.branch(end)
         builder.position_at_end(end)
@@ -419,6 +441,10 @@ class _Writer:
             self._values[out] = phi
 
     def _write_loop(self, entry: Loop) -> None:
+        """Write a loop whose head computes the condition, and either the body or the end follows.
+
+        Phi instructions in the head give the carries their first values, or those from the body.
+        """
         builder, append = self._builder, self._builder.append_basic_block
         before, head, body, end = builder.block, append(), append(), append()
         builder.branch(head)

@@ -1,12 +1,13 @@
 """Lower jaxprs to operations on scalars.
 
-The equations of inner jaxprs are added in the place of their calls. Only large jaxprs that are
-called repeatedly become functions of machine code. An array has one of four forms (`Array`):
+A value is the result of one such operation (see `.operations`). The equations of inner jaxprs are
+added in the place of their calls. Only large jaxprs that are called repeatedly become functions of
+machine code. An array has one of four forms (`Array`):
 
 - a scalar is one value of the program;
 - a small array is a NumPy array of values, one for each element, so that slices and concatenations
   need no operation;
-- an array with one element for each tangent is one vector (`Packed`);
+- an array with one element for each tangent (derivative by a parameter) is one vector (`Packed`);
 - an array of more than `LARGEST_UNROLLED` elements is in memory (`InMemory`) and is processed by
   loops. It is updated in place if nothing reads its former content.
 """
@@ -27,15 +28,19 @@ from .elementwise import PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
-"""Largest number of elements of an array whose elements are separate values."""
+"""Largest number of elements of an array whose elements are separate values. Each element of a
+larger one would cost code and time of compilation, which a loop saves."""
 LONGEST_PACKED = 16
-"""Largest number of tangents that are kept as a vector."""
+"""Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
 FEWEST_PACKED = 60
-"""Least number of sums and products of arrays of one length for which these are kept as vectors."""
+"""Least number of sums and products of arrays of one length for which these are kept as vectors.
+Below it, arrays of this length are probably not tangents."""
 LONGEST_CHOICE = 24
-"""Largest number of equations of a branch that is always computed, its result being selected."""
+"""Largest number of equations of a branch that is always computed, its result being selected. A
+longer one costs more than a jump."""
 SMALLEST_FUNCTION = 1000
-"""Number of equations from which on a jaxpr that is called repeatedly becomes a function."""
+"""Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
+shorter one, the exchange of values in memory costs more than the code that a function saves."""
 FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function."""
 Atom = core.Var | core.Literal
@@ -109,7 +114,8 @@ def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
 
 
 def element_indices(aval: ShapedArray) -> np.ndarray:
-    """Return an array of the given shape, with the row-major index of each element."""
+    """Return an array of the shape of `aval` that has in each place the row-major index of that
+    place."""
     return np.arange(aval.size).reshape(aval.shape)
 
 
@@ -138,7 +144,8 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 def tangents_of(jaxpr: core.Jaxpr) -> int:
     """Return the number of tangents, which is the most frequent length of arrays of one axis.
 
-    Only arrays that are added or multiplied count. The result is 0 if there are few of them.
+    A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
+    arrays of their number. Only such operations count. The result is 0 if there are few of them.
     """
     lengths: Counter[int] = Counter()
 
@@ -161,7 +168,7 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 class RepeatedCall:
     """Several equations that call the same jaxpr.
 
-    - `shared`: for each argument, whether it is the same in all calls.
+    - `shared`: for each argument, whether it is the same variable or number in all calls.
     - `function`: function of machine code for the jaxpr; ``None`` before the first call is lowered.
     """
 
@@ -171,7 +178,7 @@ class RepeatedCall:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of machine code, which exchanges values with its callers in memory.
+    """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
     - `number`: number of the function, for `Operations.call`.
     - `parameters`: first cells of the values that differ between calls. The caller writes the
@@ -188,11 +195,13 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return the calls of large jaxprs that `jaxpr` calls several times.
+    """Return the calls of those large jaxprs that `jaxpr` calls several times, each of which
+    becomes a function of machine code.
 
     **Returns:** the calls by the id of the equation that makes them. Equations that call the same
     jaxpr share one `RepeatedCall`.
     """
+    # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
         if equation.primitive.name in ("jit", "pjit"):
@@ -201,6 +210,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     for equations in groups.values():
         if len(equations) < FEWEST_CALLS:
             continue
+        # A function returns its results value by value, so none of them may be a large array.
         closed = equations[0].params["jaxpr"]
         avals = [v.aval for v in equations[0].outvars]
         small = all(getattr(aval, "size", 0) <= LARGEST_UNROLLED for aval in avals)
@@ -219,7 +229,7 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 
 
 class Lowering:
-    """Adds the equations of jaxprs to a program.
+    """Adds the equations of jaxprs to a program. A rule receives this object to add operations.
 
     - `ops`: operations of the program.
     - `constants`: arrays that must be in memory before the program starts, by their first cells.
@@ -256,7 +266,8 @@ class Lowering:
         return self.array(values, array.shape)
 
     def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
-        """Return the array with the given shape and elements, in row-major order."""
+        """Return the array with the given shape and elements, in row-major order, in the form for
+        this shape: a scalar, a vector of tangents, or an array of values."""
         if shape == ():
             return values[0]
         if self.is_packed(shape):
@@ -329,7 +340,8 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return all values of arrays; an array in memory has none."""
+        """Return all values of arrays in one list, as blocks and functions exchange them; an array
+        in memory has none."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -370,6 +382,7 @@ class Lowering:
             values = self.values(array)
             if flat.size <= LARGEST_UNROLLED:
                 return self.array([values[k] for k in flat], shape)
+            # A large array with one number everywhere is filled by a loop.
             if len(values) == 1:
                 return self._by_loop(lambda value: value, ops.kinds[values[0]], shape, values)
             array = self.in_memory(array, (len(values),))
@@ -411,7 +424,7 @@ class Lowering:
     def inline(
         self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
-        """Add the equations of a jaxpr and return its results.
+        """Add the equations of a jaxpr to the program and return its results.
 
         Owned arrays in memory among the arguments may be overwritten.
         """
@@ -421,6 +434,7 @@ class Lowering:
         self._repeated |= repeated_calls(opened)
         known: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
         known |= dict(zip(opened.invars, arguments, strict=True))
+        # An array may be overwritten by the last equation that reads it; the results are read last.
         reads = [*(equation.invars for equation in opened.eqns), opened.outvars]
         last_reads = {
             atom: number
@@ -515,6 +529,7 @@ class Lowering:
         Functions keep programs short: the time that LLVM needs for a block grows faster than the
         block's length, and a step of a run calls the same function of rates in each stage.
         """
+        # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
         if any(isinstance(array, InMemory) for array in varied):
@@ -538,6 +553,7 @@ class Lowering:
 
             number = ops.function(build)
             repeated.function = Function(number, parameters, results, cells)
+        # The call: write the arguments, execute the function, and read its results.
         function = repeated.function
         for value, cell in zip(values, function.parameters, strict=True):
             ops.pass_on(value, cell)
@@ -568,6 +584,7 @@ class Lowering:
             return self._by_loop(rule, kind, shape, arguments)
         if self.is_packed(shape):
             return Packed(rule(*map(self.vector, arguments)))
+        # A small array: the operation is added for each element.
         rows = [
             [argument] * aval.size if isinstance(argument, int) else self.values(argument)
             for argument in arguments

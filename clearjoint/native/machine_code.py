@@ -33,15 +33,15 @@ from .operations import Value
 
 Program = TypeVar("Program")
 OPTIMISATION = 2
-"""LLVM's level of optimisation."""
+"""LLVM's level of optimisation, of 0 to 3."""
 _PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
-"""Packages whose versions programs depend on."""
+"""Packages on whose versions programs depend."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Parts of the names of JAX's settings on which programs don't depend."""
 
 
 class Stopwatch:
-    """Measures the processor time of this thread in the stages in which a program is made.
+    """Measures the processor time that this thread spends in each stage of making a program.
 
     - `seconds`: time of each stage, s, by its name.
     """
@@ -59,6 +59,9 @@ class Stopwatch:
 
 class Code:
     """Machine code of a program, which can be pickled.
+
+    It is compiled, or read from disk, when the object is made, and loaded into the process when it
+    is first run.
 
     - `text`: the program in LLVM's language; empty after unpickling.
     - `seconds`: processor time, s, of the stages "tracing", "lowering", "writing" and "compiling".
@@ -90,13 +93,14 @@ class Code:
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program on memory, and return its result."""
+        """Execute the program on memory, and return its `result`, an integer."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         return function(memory.address)
 
     @functools.cached_property
     def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
-        # From Python 3.12 on there is no lock: concurrent first calls make an engine each.
+        # Each object has its own engine. From Python 3.12 on `cached_property` has no lock, so that
+        # concurrent first calls make an engine each, which does no harm.
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
         engine.finalize_object()
@@ -135,6 +139,7 @@ def _saved_object_file(text: str) -> bytes:
 
 
 def _object_file(text: str) -> bytes:
+    """Compile a program's text to an object file for the processor of this machine."""
     machine = _target_machine()
     try:
         module = llvm.parse_assembly(text)
@@ -155,6 +160,7 @@ def _target() -> tuple[str, ...]:
 
 
 def _store() -> ProgramStore | None:
+    """Return the store in JAX's compilation cache; ``None`` if that is not in use."""
     folder = cache_in_use()
     return None if folder is None else ProgramStore(folder / "native")
 
@@ -164,9 +170,9 @@ def load_or_make(
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 
-    Nothing is loaded or saved if that is switched off (see `keep_programs`), or if the function or
-    its arguments contain classes or functions from outside of this package: a change of their code
-    would not be noticed.
+    A loaded program needs neither tracing nor lowering. Nothing is loaded or saved if that is
+    switched off (see `keep_programs`), or if the function or its arguments contain classes or
+    functions from outside of this package: a change of their code would not be noticed.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
     shapes, dtypes and static values for which the program is valid; `make`: makes the program.

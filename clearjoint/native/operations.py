@@ -1,10 +1,11 @@
 """Operations on scalars: the form of a program between a jaxpr and LLVM's language.
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
-(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool); with the suffix ``p`` it is a vector of
-tangents of that kind. If the program computes several lanes, each value is a vector with a number
-for each lane. A block is a list of entries: pure operations, reads and writes of memory, calls of
-functions, and branches and loops, which contain blocks.
+(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). With the suffix ``p`` it is a vector of
+tangents of that kind: derivatives of one variable by several parameters. If the program computes
+several lanes, each value is a vector with a number for each lane. A block is a list of entries:
+pure operations, reads and writes of memory, calls of functions, and branches and loops, which
+contain blocks.
 """
 
 import math
@@ -19,6 +20,7 @@ import numpy as np
 Value = int
 """Name of a value of a program."""
 Number = float | int | bool
+"""A number that is known while the program is built."""
 KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 """Kinds by the names of dtypes. uint32 is computed in int64, with results cut to 32 bits."""
 
@@ -35,7 +37,7 @@ class Operation:
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    Of the last two, `out` is ``None``.
+    Of the last two, `out` is ``None``. An operation contains no blocks, so `blocks` is empty.
     """
 
     out: Value | None
@@ -128,15 +130,16 @@ class Operations:
     """Builds the blocks of a program.
 
     An operation is not added if its result is known, or if the same operation on the same
-    arguments is in the program already.
+    arguments has been added already in this block or in one that contains it.
 
     - `kinds`: kind of each value.
     - `constants`: numbers of the values that are known.
     - `cells`: number of cells of memory that the program uses.
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
-    - `packed`: number of elements of a vector of tangents, the power of two from `tangents` on. The
-      last elements repeat that of the last tangent.
+    - `packed`: number of elements of a vector of tangents, the smallest power of two that is not
+      below `tangents`. Elements after the last tangent repeat that of the last tangent.
+    - `packed_length`: number of tangents.
 
     **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
     0 for none. A program of several lanes can't have tangents.
@@ -239,11 +242,13 @@ class Operations:
         known = [self.constants.get(value) for value in arguments]
         if name in _FOLDED and None not in known:
             number = _FOLDED[name](*known)
+            # Integers beyond the range wrap around, as the processor's do.
             if kind in _RANGE:
                 half = _RANGE[kind]
                 number = (int(number) + half) % (2 * half) - half
             return self.constant(kind, number)
         first, *others = arguments
+        # The negation of a negation is its operand.
         if name in ("fneg", "not"):
             return self._operand_of(name, first)
         if name == "select":
@@ -252,6 +257,7 @@ class Operations:
                 return yes if known[0] else no
             if yes == no:
                 return yes
+            # A choice between two known bools, which differ, is the condition or its opposite.
             if kind == "b" and None not in known[1:]:
                 return first if known[1] else self.emit("not", "b", first)
         elif name in ("and", "or") and kind == "b":
@@ -270,6 +276,7 @@ class Operations:
         elif name == "fdiv":
             return first if self._is_all(others[0], 1.0) else None
         elif name == "fadd":
+            # x + -0.0 is x, and x + (-y) is x - y.
             for x, other in (arguments, arguments[::-1]):
                 if self._is_all(x, -0.0):
                     return other
@@ -277,6 +284,7 @@ class Operations:
                 if negated is not None:
                     return self.emit("fsub", kind, other, negated)
         elif name == "fsub":
+            # x - 0.0 is x, and x - (-y) is x + y.
             if self._is_all(others[0], 0.0):
                 return first
             negated = self._operand_of("fneg", others[0])
@@ -338,7 +346,10 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Within the context, add entries to `block`. They are not reused after the context."""
+        """Within the context, add entries to `block`.
+
+        Their values are not reused after the context, where the block may not have been executed.
+        """
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -391,7 +402,10 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the first cell and the index, as a tuple that is empty if the index is known."""
+        """Return the cell and the arguments with which an operation addresses `start` + `index`.
+
+        The only argument is the index; there is none if the index is known and added to the cell.
+        """
         known = None if index is None else self.constants.get(index)
         if known is None:
             return start, () if index is None else (index,)
@@ -400,10 +414,10 @@ class Operations:
     # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """Add a function, which this block and inner ones can call.
+        """Add a function to the program, which this block and inner ones can call.
 
-        Values from outside that the function uses are written to memory in this block, where the
-        function reads them.
+        Values from outside that the function uses are written to memory in this block, and the
+        function reads them there.
 
         **Arguments:** `build`: adds the entries of the function.
 
@@ -411,7 +425,8 @@ class Operations:
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
-        # All lanes compute in a function, also if it is called where a condition holds in few.
+        # All lanes compute in a function, also if it is called where a condition holds in few:
+        # calls in other places have other conditions.
         with self.inside(inner), self.masked(None):
             build()
         self._outside.pop()
@@ -455,8 +470,9 @@ class Operations:
     ) -> list[Value]:
         """Add a branch and return its values.
 
-        **Arguments:** `yes`, `no`: add the entries of the two blocks and return the blocks' values,
-        which have the same kinds.
+        **Arguments:** `condition`: a bool; `yes`, `no`: add the entries of the block that is
+        executed if the condition holds, or if not, and return the block's values. Both return as
+        many values, of the same kinds.
         """
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
@@ -478,6 +494,7 @@ class Operations:
         a further iteration, as a function of the carries; `body`: adds the loop's body, which
         returns the next carries.
         """
+        # The condition is computed in its own block, which is executed once more than the body.
         carries = [self._new(self.kinds[value]) for value in first]
         head, inner = [], []
         with self.inside(head):

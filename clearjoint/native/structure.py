@@ -1,9 +1,13 @@
 """Rules of the primitives that rearrange or combine elements, such as slices and sums.
 
-A rule takes the lowering, the equation and its arguments, adds operations to the program and
-returns the equation's results. A rule that rearranges elements applies the NumPy function of the
-same name to an array with the row-major index of each element: the result has in each position the
-index of the element that is moved there.
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Arguments and
+results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
+an array in memory (`InMemory`).
+
+A rule that rearranges elements applies the NumPy function of the same name to an array with the
+row-major index of each element: the result has in each position the index of the element that is
+moved there.
 """
 
 import math
@@ -47,12 +51,16 @@ def _rearranged(
     array: Array,
     rearrange: Rearrange,
 ) -> list[Array]:
-    """Return arrays with the elements of an array in other positions."""
+    """Return arrays with the elements of an array in other positions.
+
+    **Arguments:** `rearrange`: gives the indices of the elements of each returned array.
+    """
     indices = element_indices(aval_of(equation.invars[0]))
     return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
 
 def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+    """Return the array with the same elements in another shape."""
     shape = tuple(aval_of(equation.outvars[0]).shape)
     if isinstance(array, InMemory):
         return [replace(array, shape=shape)]
@@ -60,6 +68,7 @@ def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> li
 
 
 def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
+    """Return the part of an array at known indices."""
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
@@ -71,6 +80,7 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 
 
 def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+    """Return the array repeated along new axes and along axes of length one."""
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
@@ -85,7 +95,10 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Arr
 
 
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
-    """Return one array with the elements of several arrays."""
+    """Return one array with the elements of several arrays.
+
+    **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
+    """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)
@@ -103,10 +116,15 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
+    """Return the array with the scalar `padding` around and between its elements.
+
+    For each axis, the parameter `padding_config` gives the numbers of paddings before, after and
+    between the elements; the first two may be negative.
+    """
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
-    # The padding is the element after the last one of the array.
+    # The padding is numbered as the element after the last one of the array.
     indices = np.full(out.shape, aval.size)
     targets, sources = [], []
     rows = zip(equation.params["padding_config"], aval.shape, out.shape, strict=True)
@@ -142,11 +160,13 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     """
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out, combine = aval_of(equation.outvars[0]), partial(apply, lower.ops, name)
+    # A large array can only be combined to one scalar, by a loop.
     if isinstance(array, InMemory):
         if out.shape != ():
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
         return [_cumulate_memory(lower, array, combine)[-1]]
     values = np.array(lower.values(array)).reshape(aval.shape)
+    # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
     rows = values.transpose([*others, *axes]).reshape(out.size, -1)
     # A sum one by one can absorb a product at each addition (a fused multiply-add); for all other
@@ -168,9 +188,10 @@ def _cumulate_memory(
 ) -> list[Value]:
     """Add a loop that combines all elements of an array in memory, from the first to the last.
 
-    **Arguments:** `out`: array to which the intermediate result after each element is written.
+    **Arguments:** `out`: array to which the intermediate result after each element is written;
+    ``None`` if only the total is needed.
 
-    **Returns:** an index and the total.
+    **Returns:** the carries of the loop: its index, and the total.
     """
     ops = lower.ops
     first = ops.load(array.kind, array.start)
@@ -178,6 +199,7 @@ def _cumulate_memory(
         ops.store(first, out.start)
     end = ops.constant("i", array.size)
 
+    # The loop begins with the second element; its carries are the index and the total.
     def body(carries: list[Value]) -> list[Value]:
         k, total = carries
         total = combine(total, ops.load(array.kind, array.start, k))
@@ -190,7 +212,8 @@ def _cumulate_memory(
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array of intermediate results of combining the elements along an axis.
+    """Return the array of intermediate results of combining the elements along an axis, such as
+    cumulative sums.
 
     **Arguments:** `name`: primitive that combines two elements.
     """
@@ -236,19 +259,22 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
+    """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`)."""
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):
         raise UnsupportedPrimitiveError("dot_general of large arrays")
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements in the shape (batch, rows, summed elements)."""
+        """Return the elements of argument `number` as nested lists, in the shape (batch, rows,
+        summed elements), for the axes `batch` and the summed axes `along`."""
         shape = aval_of(equation.invars[number]).shape
         values = np.array(lower.values(array)).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
 
+    # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (partial(apply, lower.ops, name) for name in ("add", "mul"))
     left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
     totals = [

@@ -1,2 +1,2 @@
-"""Groups of alike elements of a scene, which are computed as arrays, and coordinates for such
-scenes."""
+"""Groups of bodies and clearance joints that differ only in numbers and are computed as arrays, and
+coordinates of scenes with such groups."""

@@ -1,4 +1,5 @@
-"""Grouping of alike elements of a scene, so that cost grows slowly with their number.
+"""Grouping of bodies and clearance joints that differ only in their numbers, so that cost grows
+slowly with their count.
 
 If each element were written out in the compiled program, each would cost machine code: the stepping
 loop of a chain of 16 rods exceeds the processor's caches and takes minutes to compile. The elements
@@ -30,7 +31,8 @@ from ...model.joints.base import AbstractContactJoint
 from ...model.scene import Scene
 
 SMALLEST = 4
-"""Smallest number of elements that form a group."""
+"""Smallest number of elements that form a group. Fewer elements are written out, since their code
+stays small."""
 T = TypeVar("T")
 
 ROLES = ("the first body", "the second body")
@@ -39,10 +41,12 @@ other."""
 
 
 def condensed(scene: Scene) -> Scene:
-    """Return a scene in which groups replace alike elements.
+    """Return a scene in which groups replace elements that differ only in their numbers.
 
-    The names of the groups, which are the keys in ``bodies`` and ``joints``, are `GroupName`s. In
-    the scene, each vector is three separate scalars.
+    The keys of the groups in ``bodies`` and ``joints`` are `GroupName`s.
+
+    **Arguments:** `scene`: a scene with each vector as three separate scalars. In a group of n
+    elements, each of the returned scene's scalars is an array (n,).
     """
     order, constrained, contacts = _order(scene), _constrained_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in constrained}
@@ -56,6 +60,8 @@ def condensed(scene: Scene) -> Scene:
     def bodies_of(name: str) -> list[int]:
         return sorted((order.get(body, -1) for body in contacts[name].pair()), reverse=True)
 
+    # Joints are sorted by their bodies' places in the chain, so that neighbouring joints of a group
+    # have neighbouring bodies (see `_order`).
     in_order = sorted(contacts, key=bodies_of)
     structures = {name: _joint_structure(contacts[name], group_of) for name in in_order}
     joints = {
@@ -79,8 +85,8 @@ def whole(scene: Scene) -> Scene:
 
 
 def groups(scene: Scene) -> list[GroupName]:
-    """Return the names of the groups in a condensed scene, those of bodies first, then those of
-    joints."""
+    """Return the names of the groups in a condensed scene: first the groups of bodies, then those
+    of joints."""
     return [name for name in (*scene.bodies, *scene.joints) if isinstance(name, GroupName)]
 
 
@@ -213,6 +219,8 @@ def _order(scene: Scene) -> dict[str, int]:
         first, second = joint.pair()
         neighbours[first].append(second)
         neighbours[second].append(first)
+    # A depth-first walk along the clearance joints, from the ground on, numbers a chain from one
+    # end to the other. Bodies that it does not reach are numbered last, by further walks.
     indices: dict[str, int] = {}
     waiting = [*reversed(scene.bodies), GROUND]
     while waiting:

@@ -1,9 +1,11 @@
-"""Coordinates of a condensed scene, in which groups replace alike elements.
+"""Coordinates of a condensed scene, in which groups replace elements that differ only in numbers.
 
-Groups of bodies have absolute coordinates, and single bodies any other ones. A grouped body moves
-freely. A free body has the same variables in all coordinates, and its equations take the least
-arithmetic in absolute coordinates. Arguments and results of the type `Speeds` are lists with one
-entry for each speed of the single bodies, then six arrays (n,) for each group of n bodies.
+A group of n bodies is computed as one body whose numbers are arrays (n,); see `.condensing`. Groups
+have absolute coordinates, and single bodies any other ones. A grouped body moves freely. A free
+body has the same variables in all coordinates, and its equations take the least arithmetic in
+absolute coordinates. Arguments and results of the type `Speeds` are lists with one entry for each
+speed of the single bodies, then six arrays (n,) for each group of n bodies. Rates are time
+derivatives.
 """
 
 from collections.abc import Callable, Iterable
@@ -83,7 +85,7 @@ class GroupedCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: GroupedVariables, others: GroupedVariables
     ) -> GroupedVariables:
-        """Return the positions of `variables` with the speeds of `others`."""
+        """Return variables with the positions of `variables` and the speeds of `others`."""
         groups = AbsoluteCoordinates().with_speeds(_groups(scene), variables[1], others[1])
         return self.rest.with_speeds(_rest(scene), variables[0], others[0]), groups
 
@@ -101,6 +103,7 @@ class GroupedMechanics(AbstractMechanics):
         free = AbsoluteCoordinates().mechanics(groups, variables[1])
         self._groups: AbsoluteMechanics = free
         self._bodies, self._variables = scene.bodies, variables
+        # Length of each of the six arrays of each group.
         self._sizes = [len(name.members) for name in _group_names(groups.bodies) for _ in range(6)]
         self.motions = GroupedMotions({**self._rest.motions, **free.motions})
 
@@ -129,8 +132,9 @@ class GroupedMechanics(AbstractMechanics):
         return [*self._rest.solved(rest), *self._groups.solved(groups)]
 
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative of a constraint row's value at zero rates of all
-        speeds. Only single bodies have constraints."""
+        """Return the second time derivative that a constraint row's value has if the time
+        derivatives of all speeds are zero, without the row's own `bias`. Only single bodies have
+        constraints."""
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -165,8 +169,12 @@ class GroupedMotions(dict[str, Motion]):
     """Dictionary of motions by the names of single bodies and groups, which computes further
     motions on demand.
 
-    Further keys are the name of one body in a group; a `GroupName` of several bodies of one group;
-    and a `GroupName` that repeats one single body.
+    Further keys are
+
+    - the name of one body in a group;
+    - a `GroupName` of several bodies of one group, as of the first bodies of a group of joints;
+    - a `GroupName` that repeats the name of one single body, to which all joints of a group are
+      attached.
     """
 
     def __init__(self, motions: Motions):
@@ -179,8 +187,9 @@ class GroupedMotions(dict[str, Motion]):
         return self._derived[name]
 
     def _motion_of(self, name: str) -> Motion:
-        """Return the motion for a further key."""
+        """Return the motion for one of the further keys that the class describes."""
         if isinstance(name, GroupName) and name.members[0] in self:
+            # One single body, repeated: its motion is the same for all joints.
             return self[name.members[0]]
         group = group_with(self, name)
         if isinstance(name, GroupName):
@@ -201,9 +210,10 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
         members = name.members if isinstance(name, GroupName) else (name,)
         key = name
         if name not in sums and members[0] in sums:
-            # Several wrenches on one single body.
+            # Several wrenches on one single body are added up.
             key, wrench = members[0], _map_arrays(sum_, wrench)
         elif name not in sums:
+            # Wrenches on some bodies of a group become arrays over the whole group.
             key = group_with(sums, name)
             indices, size = [key.members.index(member) for member in members], len(key.members)
             wrench = _map_arrays(lambda leaf, k=indices, n=size: _scattered(leaf, k, n), wrench)
@@ -274,10 +284,14 @@ def _groups(scene: Scene) -> Scene:
 
 
 def grouped(scene: Scene, formulation: Formulation) -> tuple[Scene, Formulation]:
-    """Return a scene with alike elements grouped, and its formulation; both unchanged if there is
-    no group.
+    """Return a scene in which elements that differ only in numbers are replaced by groups, and the
+    formulation for this scene.
 
-    In the scene, each vector is three separate scalars.
+    The returned formulation has `GroupedCoordinates`, which treat groups of bodies and single
+    bodies separately. Without groups, scene and formulation are returned unchanged. Groups make the
+    compiled program of a scene with many equal elements shorter; see `.condensing`.
+
+    **Arguments:** `scene`: a scene with each vector as three separate scalars.
     """
     with_groups = condensed(scene)
     if not groups(with_groups):

@@ -73,8 +73,8 @@ class AbstractBranch(abc.ABC):
     ) -> MotionVariables:
         """Return the time derivatives of the variables for given rates of the speeds.
 
-        **Arguments:** `speeds`: the rates of the speeds, relative to the parent; `gravity`: m/s^2,
-        global.
+        **Arguments:** `speeds`: the time derivatives of the speeds, relative to the parent;
+        `gravity`: m/s^2, global.
         """
 
     @abc.abstractmethod
@@ -96,11 +96,12 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
-        """Return the positions of `state` with the speeds of `other`."""
+        """Return variables with the positions of `state` and the speeds of `other`."""
 
     @abc.abstractmethod
     def falls(self) -> bool:
-        """Return whether the rates of the speeds are relative to free fall."""
+        """Return whether the time derivatives of the speeds are relative to free fall, so that
+        gravity has to be added to them."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,8 @@ class FreeBranch(AbstractBranch):
         return normalised_body(state)
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return position and orientation of `state` with velocity and spin of `other`."""
+        """Return a state with position and orientation of `state`, and velocity and spin of
+        `other`."""
         return body_with_speeds(state, other)
 
     def falls(self) -> bool:
@@ -253,11 +255,12 @@ class JointedBranch(AbstractBranch):
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
-        """Return the position of `state` with the speeds of `other`."""
+        """Return a state with the position of `state` and the speeds of `other`."""
         return JointState(state.position, other.speeds)
 
     def falls(self) -> bool:
-        """Return False: the rates of the speeds are relative to the parent."""
+        """Return False: the rates of the speeds are relative to the parent, and gravity need not be
+        added to them."""
         return False
 
 
@@ -269,12 +272,14 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
     Bodies that ideal joints connect to the ground come first. Bodies are visited breadth first, so
     that chains are short. Of connected bodies without a joint to the ground, one becomes a free
     root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
-    position. The trees follow from names alone.
+    position. The trees depend on the types and names of joints and bodies, but on no numbers.
     """
+    # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
     trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
     for tree in trees:
         _grow(tree, scene, placed)
+    # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
     points = anchors(scene)
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
@@ -304,7 +309,8 @@ def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch
         if len(bodies) != 2 or parent not in bodies:
             continue
         body = bodies[1] if parent == bodies[0] else bodies[0]
-        # Asked last: the subspace takes operations that JAX traces.
+        # The subspace is made last, because that takes operations, which JAX would trace for
+        # nothing.
         if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:
             placed.add(body)
             children.append(JointedBranch(body, parent, name, subspace))

@@ -40,7 +40,7 @@ from .branches import AbstractBranch, forest
 from .links import Inertia, Link, central_inertia, inertia
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
-"""Force, and moment about the centre of mass of the body, in the tree's axes."""
+"""Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
@@ -52,6 +52,9 @@ class JointMechanics(AbstractMechanics):
     """Equations of motion of all trees of a scene.
 
     The mass matrix of each tree is factorised once, for all forces and constraints.
+
+    **Arguments:** `scene`: in scalar form; `variables`: joint coordinates and speeds, by name of
+    body; `motions`: pose and velocities of each body and of "ground", by name.
     """
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
@@ -102,12 +105,11 @@ class JointMechanics(AbstractMechanics):
         return zip(self._branches, self._links, strict=True)
 
     def _mass_matrix(self) -> list[list[Scalar]]:
-        """Return the lower triangle of the mass matrix, as lists that are filled from the leaves to
-        the root.
-
-        `composites` is, for each link, the inertia of the link and of all bodies that it carries,
-        as far as their joints transmit that inertia.
-        """
+        """Return the lower triangle of the mass matrix, one list for each speed: row i has i + 1
+        entries."""
+        # For each link, the inertia of the link and of all bodies that it carries, as far as their
+        # joints transmit that inertia. It is complete when the loop, which goes from the leaves to
+        # the root, reaches the link.
         matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
         composites: list[Inertia] = [
             inertia(self._scene.bodies[branch.body], link.centre, central)
@@ -144,7 +146,7 @@ class JointMechanics(AbstractMechanics):
             k = self._parents[k]
 
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates r that generalised forces cause."""
+        """Return the rates r that generalised forces, one for each speed, cause."""
         trees = zip(self._trees, self._factorisations, strict=True)
         return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
 
@@ -162,7 +164,7 @@ class JointMechanics(AbstractMechanics):
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces of wrenches by name of body."""
+        """Return the generalised forces, one for each speed, of wrenches by name of body."""
         return self._along_columns(list(self._loads(wrenches)))
 
     def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
@@ -189,8 +191,15 @@ class JointMechanics(AbstractMechanics):
         return forces
 
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative of a constraint row's value at zero rates of all
-        speeds."""
+        """Return the second time derivative that a constraint row's value has if all rates r are
+        zero, without the row's own `bias`.
+
+        The speeds themselves need not be zero. The result is the row's Jacobian times the bodies'
+        accelerations at constant speeds. In a free tree, whose rates are relative to free fall,
+        these include gravity.
+        """
+        # The terms of each tree are added up first, so that rounding errors of a tree's sum do not
+        # depend on other trees.
         total: Scalar = 0.0
         of_tree: Scalar = 0.0
         for k, (force, moment) in enumerate(self._loads(row.jacobian)):

@@ -40,7 +40,8 @@ class JointCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that carry a body of a tree."""
+        """Return the names of the ideal joints that carry a body of a tree. Their coordinates are
+        the variables, so that they need no constraints."""
         return frozenset(
             branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
         )
@@ -48,7 +49,8 @@ class JointCoordinates(AbstractCoordinates):
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """Return the variables for given states of the bodies, by name.
 
-        If a state violates an ideal joint that carries a body, the violation is dropped.
+        If a state violates an ideal joint that carries a body, the violation is dropped: the
+        variables describe a motion that satisfies the joint.
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
@@ -82,7 +84,8 @@ class JointCoordinates(AbstractCoordinates):
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """Return the variables of each body, normalised, by name."""
+        """Return normalised variables of the same motion, by name of body: Euler parameters of unit
+        norm, and angles within two turns."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }
@@ -90,7 +93,8 @@ class JointCoordinates(AbstractCoordinates):
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """Return the positions of `variables` with the speeds of `others`, by name of body."""
+        """Return variables with the positions of `variables` and the speeds of `others`, by name of
+        body."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)

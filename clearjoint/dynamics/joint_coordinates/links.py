@@ -4,7 +4,8 @@ The axes of the frame are those of the tree's root body. Its origin is a point o
 joint on the ground or, for a free root, the centre of mass. So the root's inertia is constant,
 constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
 times the identity. A twist is the angular velocity of a body with the velocity of its point at the
-origin.
+origin. "At constant speeds" means: the part of an acceleration that remains if the time derivatives
+of all joint speeds are zero.
 """
 
 from collections.abc import Callable
@@ -139,8 +140,8 @@ class Inertia:
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the inertia that a joint transmits to the carrier, if the bodies do not follow the
-        carrier's rotation about the joint's axis.
+        """Return the inertia of carried bodies that a joint transmits to its carrier, if these
+        bodies do not follow the carrier's rotation about the joint's axis.
 
         The part subtracted is the outer product of `axis` with the momentum `whole`, plus the
         transposed product of `axis` with `rest`, so that the result stays symmetric.
@@ -179,6 +180,7 @@ def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
     **Arguments:** `centre`: m, the centre of mass from the tree's origin; `central`: kg m^2, the
     inertia about the centre of mass, in the tree's axes.
     """
+    # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = centre * body.mass, tuple(centre)
     first = tuple(h)
 
@@ -197,7 +199,7 @@ def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
-    """Return the symmetric matrix whose lower triangle a function of row and column, 0 to 2,
-    gives."""
+    """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
+    row and column numbers, 0 to 2."""
     lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
     return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
