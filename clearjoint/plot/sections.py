@@ -140,7 +140,7 @@ def poincare_section_of_lane(
     require_names(lane, (*names, f"{section}_count", f"{section}_time"))
     count = lane[f"{section}_count"]
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
-    # The arrays of a lane have space for more crossings than it has, which is filled with NaN.
+    # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
     units = [lane[name].attrs.get("units", "1") for name in names]
     times, *values = (lane[name].values[recorded] for name in (f"{section}_time", *names))
