@@ -1,6 +1,6 @@
 """Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams).
 
-A section records quantities, its channels, at each instant at which another quantity crosses zero.
+A section records quantities, its channels, at each upward zero crossing of another quantity.
 `axes` are the axes to draw on, by default new ones.
 """
 

@@ -102,8 +102,8 @@ NEAR = 1e-3
 """Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
 mechanism, to find equal points."""
 SHORT = 0.5
-"""A body is drawn as the convex hull of its joints. The solid of its mass and inertia is drawn, too,
-if the extent of the joints is less than this fraction of the solid's longest side."""
+"""A body is drawn as the convex hull of its joints. The solid of its mass and inertia is added if
+the extent of the joints is less than this fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
