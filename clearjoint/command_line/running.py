@@ -81,7 +81,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)
     end, code = study.end(), WELL
-    contacts = bool(study.scene.contact_joints())
+    contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
     times, sections = saved_times(part, end), study.sections()
     try:
         solution = simulate(
@@ -143,6 +143,7 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
             extremes[name + LARGEST] = Peak(output, output.unit)
             extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
     if extremes:
+        # Only explicit Runge-Kutta methods have dense output.
         try:
             require_dense(Scheme.of(settings, redundant=False).method.solver)
         except ValueError:
@@ -217,6 +218,7 @@ def _outputs(
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
+        # A reduction of the quantity `Negative` gives the negative of the smallest value.
         if name + LARGEST in found:
             extremes = {
                 "largest": found[name + LARGEST],

@@ -167,7 +167,8 @@ def _drawn(
     clearance: float,
     section: CrossSection | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the pictures of one base show at the N observed times.
+    """Return the positions of one base in the pictures, and when it touches the wall, at the N
+    observed times.
 
     **Returns:** centre of the base in the cross-section, (N, 2) in radii of the bearing, enlarged
     so that the clearance becomes `DRAWN_GAP`; mask (N,) of the times at which the base touches the

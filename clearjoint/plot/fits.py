@@ -249,7 +249,7 @@ def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
         "integration fails": (horizon.numerical, GREY),
     }
     for label, (time, colour) in limits.items():
-        if np.isfinite(time):
+        if np.isfinite(time):  # a limit that the record does not reach is infinite
             axes.axvline(1e3 * time, color=colour, linewidth=1.0, linestyle="--")
             axes.annotate(
                 label,

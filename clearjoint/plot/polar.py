@@ -24,7 +24,7 @@ from .style import BLUE, DARK, LIGHT, VERMILLION, legend_above, polar_or_new
 from .sweeps import require_names
 
 Weight = Literal["impulse", "force"]
-"""What the length of a bar of `contact_rose` shows."""
+"""Quantity that the length of a bar of `contact_rose` shows."""
 BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},

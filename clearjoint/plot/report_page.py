@@ -42,15 +42,15 @@ WIDTH = 7.4
 LETTER = 0.066
 """Width of a letter in a table, inches; a little more than that of bold text."""
 LINE_LENGTH = 125
-"""Characters in a line of the page."""
+"""Largest number of characters in a line of the page."""
 TITLE = 26
-"""Characters of a name in the title of a panel."""
+"""Largest number of characters of a name in the title of a figure."""
 LINE = 0.145
 """Height of a line of text, inches."""
 THINNER = 0.6
 """Line widths on the page relative to those of single figures."""
 MANY = 5000
-"""Points from which on a curve is rasterised in a PDF."""
+"""Number of points above which a curve is rasterised in a PDF."""
 SMALL_MOTION = 0.02
 """Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
 the mechanism."""
@@ -69,8 +69,9 @@ MOST_JOINTS, MOST_IMPACTS = 8, 8
 TABLE_EXTRA_LINES = 2.6
 """Height of a table's head and of the gaps around the table, in lines of text."""
 MOTION_HEIGHT, FORCES_HEIGHT, CONTACT_HEIGHT, ENERGY_HEIGHT = 2.6, 2.4, 0.2, 2.5
-"""Heights of figures, inches, before they are stretched to fill the page: motion, forces with
-contact phases, addition to these for each contact, energies with the spectrum."""
+"""Heights of figures, inches, before they are stretched to fill the page: motion; forces, and below
+them phases of the motion; addition to the latter for each joint with contacts; energies with the
+spectrum."""
 TITLE_HEIGHT = 0.4
 """Height of the title, inches."""
 MARGIN = 0.4
@@ -78,7 +79,7 @@ MARGIN = 0.4
 DPI = 200
 """Pixels per inch of a PNG, and of rasterised curves in a PDF."""
 TITLE_LENGTH = 70
-"""Characters in a line of the title."""
+"""Largest number of characters in a line of the title."""
 
 
 def report(

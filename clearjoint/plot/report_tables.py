@@ -34,9 +34,9 @@ IMPACT_COLUMNS = (
 """Titles of the columns of the table of impacts."""
 
 ALIKE, ALIKE_AT_ONCE = 1e-3, 8
-"""Two impacts count as equal if their onsets differ by at most the first number times the duration
-and their peak forces by the first number, relatively. The second is the number of latest impacts
-with which each impact is compared."""
+"""Two impacts count as equal if their onsets differ by at most the first number times the duration,
+and their peak forces by at most the first number times the force. The second number is that of the
+latest groups of equal impacts with which each impact is compared."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:

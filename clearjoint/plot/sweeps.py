@@ -154,7 +154,7 @@ def against(
         color=colour,
         markersize=4,
         markeredgewidth=0,
-        alpha=1.0 if median is None else 0.45,
+        alpha=1.0 if median is None else 0.45,  # the line of medians is seen over faint points
         label=label,
     )
     if median is not None:

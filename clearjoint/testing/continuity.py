@@ -1,4 +1,4 @@
-"""Find jumps of scalar functions in intervals, at which a force law is not continuous."""
+"""Find jumps of scalar functions in intervals, such as those of a force law over the depth."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -30,7 +30,8 @@ class Jumps(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Pieces of the intervals and the function's values at their ends; (pieces, N) each."""
+    """Left and right ends of the pieces of N intervals, and the function's values there; arrays
+    (pieces, N)."""
 
     left: jax.Array
     right: jax.Array

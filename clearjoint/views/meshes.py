@@ -171,6 +171,7 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     for arrays with wrong shapes, with faces of unknown vertices or with NaN.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
+    # A file becomes an object with triangles, and this a pair of arrays.
     if isinstance(value, str | Path):
         require(Path(value).is_file(), argument, str(value), "an existing file", remedy)
         value = needed("trimesh").load(value, force="mesh")

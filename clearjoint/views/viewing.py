@@ -297,7 +297,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         known = sorted(scene.bodies)
         require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
         mesh = given_mesh(f"meshes[{name!r}]", value)
-        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
         require(
             sizes.size / ODD_SIZE <= size <= sizes.size * ODD_SIZE,
             f"meshes[{name!r}]",
