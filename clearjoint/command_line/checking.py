@@ -122,6 +122,7 @@ def _sections(study: Study) -> Iterator[str]:
     if fit is not None:
         for name, parameter in fit.parameters.items():
             location = study.location.at("fit", "parameters", name)
+            # For its error about an unknown path.
             find_path(parameter.path, study.scene, study.state, location)
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")

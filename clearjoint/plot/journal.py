@@ -122,7 +122,8 @@ def eccentricity_vectors(
     """
     observed = contact(observation, joint, base)
     if section is None:
-        return np.asarray(observed.offset)[:, :2]
+        return np.asarray(observed.offset)[:, :2]  # the third component is along the axis
+    # The normal is the direction from the bearing's axis to the contact, and thus to the centre.
     vectors = observed.normal * np.asarray(observed.eccentricity)[:, None]
     components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
     return np.stack(components, axis=1)
@@ -308,6 +309,6 @@ def orbit(
     factor, unit = length_unit(clearance)
     x, y = (lane[name].values[in_window] * factor for name in names)
     axes.plot(x, y, color=BLUE, linewidth=0.8)
-    axes.plot(x[:1], y[:1], "o", color="black", markersize=4)
+    axes.plot(x[:1], y[:1], "o", color="black", markersize=4)  # the start
     clearance_circle(axes, clearance, factor=factor)
     return dress(axes, *(f"{shown(channel)}, {unit}" for channel in channels))

@@ -65,7 +65,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     si = data.attrs.get("units", "1")
     exponent, unit = _prefixed(values, si)
     name = shown(str(data.name).replace("_", " "))
-    if present:
+    if present:  # both data have one axis, and thus one prefix
         names, exponent, unit = _present_unit(present.replace("\n", " "), si)
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent

@@ -154,7 +154,7 @@ def over_angle(
     """
     axes = axes_or_new(axes)
     draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    for angles, _ in curves.values():
+    for angles, _ in curves.values():  # the last curve determines the limits
         axes.set_xlim(np.degrees(angles[0]), np.degrees(angles[-1]))
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
     return dress(axes, f"{shaft} angle, °", quantity)

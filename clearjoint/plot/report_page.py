@@ -215,6 +215,7 @@ def _parts(
     """
     lines, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
     height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
+    # The functions draw later, when the heights of all rows are known.
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
     parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, run.path, run.along))]
     if run.along.contacts:

@@ -192,6 +192,7 @@ def running_median(
     count = int(known.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
     order = np.argsort(positions[known], kind="stable")
+    # The view has the shape (n - width + 1, width): a row for each group.
     x, y = (
         np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
         for column in (positions, values)

@@ -238,6 +238,7 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     sides = np.full(len(power), 2.0)
     if len(values) % 2 == 0:
         sides[-1] = 1.0
+    # The first frequency is zero, at which nothing is left without the mean.
     coordinate = xr.DataArray(frequency[1:], dims="frequency", attrs={"units": "Hz"})
     where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", "1")}
     amplitude = np.sqrt(sides * power)[1:]

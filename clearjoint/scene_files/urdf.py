@@ -234,6 +234,7 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
         FileLocation(str(path)).refuse(f"{size} bytes", expected, "shorten the file")
     content = path.read_bytes()
     try:
+        # yourdfpy silently skips elements that it does not know; their tags are needed to warn.
         tags = [entry.tag for entry in ElementTree.fromstring(content)]
         parsed = yourdfpy.URDF.load(BytesIO(content), build_scene_graph=False, load_meshes=False)
     except (ElementTree.ParseError, KeyError, AttributeError, ValueError, TypeError) as error:

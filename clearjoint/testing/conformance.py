@@ -186,8 +186,9 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
     leaves, structure = jax.tree.flatten(numbers)
 
     def with_parameter(k: int, factor: Scalar) -> Points:
+        """Return the forces if the k-th parameter of the law is multiplied by a factor."""
         leaf = leaves[k]
-        # Zero times a factor would stay zero.
+        # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
         changed = jax.tree.unflatten(structure, [*leaves[:k], leaf, *leaves[k + 1 :]])
         return forces(eqx.combine(changed, rest), depth, rate, entry)

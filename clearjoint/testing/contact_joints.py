@@ -166,6 +166,7 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
     these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
+    # A shift of the second body along the normal increases the penetration by its length.
     for contact in scalar.contacts(motions).values():
         for depth in (0.0, PENETRATION):
             moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
@@ -263,6 +264,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Row
     """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     on_first, on_second = contact.points_of_force(friction is not None)
+    # The line of action is common to both bodies if the points of the force are on a line along the
+    # force. The relative velocity along the normal is the rate of the penetration.
     apart = second.point(on_second) - first.point(on_first)
     velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
     failures = {

@@ -30,7 +30,8 @@ def check_force(
 
     - forces and moments on the bodies add up to zero, if the element returns them for all of its
       bodies (those on the ground, which runs ignore, may be missing);
-    - the supplied power minus the power on the bodies is the rate of the stored energy;
+    - the power by which the element changes the scene's total energy (`supplied_power`) is the
+      power of its forces on the bodies plus the rate of its stored energy;
     - derivatives by motions and parameters are finite, even at rest;
     - `jax.vmap` gives the same result as a single evaluation.
 
@@ -99,8 +100,8 @@ def _size(vector: Vector) -> float:
 def _check_power(
     force: AbstractForce, motions: Mapping[str, Motion], time: float, tolerance: float
 ) -> None:
-    """Check that the supplied power less the power of the wrenches on the bodies is the rate of the
-    stored energy, all in W."""
+    """Check that the element's `supplied_power`, by which it changes the total energy, is the power
+    of its wrenches on the bodies plus the rate of its stored energy, all in W."""
     element = unpack(force)
 
     def stored(step: float) -> float:
@@ -109,6 +110,7 @@ def _check_power(
     rate = (stored(STEP) - stored(-STEP)) / (2.0 * STEP)
     wrenches = _wrenches(force, motions, time)
     power = sum(float(motions[name].power(wrench)) for name, wrench in wrenches.items())
+    # It changes the total energy of the scene: positive for a driver, negative for a damper.
     supplied = float(element.supplied_power(motions, on_device(time)))
     left = supplied - power - rate
     ensure(

@@ -145,6 +145,7 @@ def coloured_by_mode(
     **Returns:** all parts; the motion modes that occur in any frame, sorted by number.
     """
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
+    # Only joints with a journal have observed modes.
     for name, family in observation.contacts.items():
         if name not in modes and family:
             touching = [np.asarray(contact.penetration) > 0.0 for contact in family.values()]

@@ -65,6 +65,8 @@ class Film:
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=size, dpi=DPI)
+        # The legend is on the left, the picture on the right. The coordinates of the picture are m
+        # in the plane through the target, onto which the triangles are projected.
         self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach

@@ -273,6 +273,7 @@ class SketchingPen(AbstractPen):
         low, high = self._range(middle, runner, along)
         centre = np.asarray(middle.point) + along * (0.5 * (low + high))
         gap = float(distance)
+        # The plates are somewhat longer than the path, and deep along the line of sight.
         plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
         for side in (-0.5, 0.5):
             at = centre + upwards * (side * (gap + self._bar))
