@@ -20,8 +20,8 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance in the pictures, as a fraction of the radius of the bearing. True clearances, about a
-hundredth of the radius, would be invisible."""
+"""Clearance in the pictures, as a fraction of the radius of the bearing. True clearances, at most a
+few hundredths of the radius, would hardly be visible."""
 WALL = 0.14
 """Thickness of the bearing's wall in the pictures, as a fraction of the radius of the bearing."""
 Instants = Sequence[float] | np.ndarray

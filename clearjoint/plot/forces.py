@@ -23,7 +23,7 @@ from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside,
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
 """An axis becomes logarithmic if the largest force exceeds the first number times the median of the
 forces' peaks, or the second number times the median over time of the forces in contact: on a linear
-axis, most forces would then be in the lowest sixth, or twentieth, of its height."""
+axis, half of the forces would then be in the lowest sixth, or twentieth, of its height."""
 FEWEST_PEAKS = 3
 """Smallest number of peaks for which their median is used."""
 DECADES = 4.0
@@ -328,8 +328,8 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     **Raises:** `ValueError` for the name of a joint without contacts.
 
     **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
-    clearances for dynamic analysis of multi-body systems*, 2006, which does not define the limit
-    between impact and following.
+    clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
+    following is not from there.
 
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle

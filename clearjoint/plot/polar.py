@@ -180,11 +180,11 @@ def worn_profile(
     cycles, angles = found["cycles"].values, found["angle"].values
     factor, unit = _fitting(depths, "m")
     closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins
-    wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without the unworn part
+    wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without zero cycles
     for k, number in enumerate(wanted):
         # `depths` is (stage, angle): the depth at each angle is interpolated between the stages.
         curve = [np.interp(number, cycles, depth) for depth in depths.T]
-        shade = str(0.75 * (1.0 - (k + 1) / curves))
+        shade = str(0.75 * (1.0 - (k + 1) / curves))  # grey value, from light to 0, black
         label = f"{number:.3g} cycles"
         axes.plot(closed, factor * np.append(curve, curve[0]), color=shade, label=label)
     axes.set_ylim(bottom=0.0)

@@ -1,7 +1,8 @@
 """Check user-defined film laws, which give the force of the lubricant in a bearing.
 
 The offset of the journal is the vector from the bearing's axis to the journal's centre, divided by
-the radial clearance. Its rate, 1/s, is its time derivative.
+the radial clearance. Its rate, 1/s, is its time derivative in axes that rotate with half the sum of
+the spins of bearing and journal.
 """
 
 from collections.abc import Callable, Iterator

@@ -165,7 +165,7 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 
 def _time(time: float, whole: float) -> str:
     """Return the text of a time, s, with the unit and the digits that suit a run of duration
-    `whole`, s: a thousandth of the duration is visible."""
+    `whole`, s: the last digit is at most a hundredth of the duration."""
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
     return f"t = {time * factor:.{digits}f} {unit}"
