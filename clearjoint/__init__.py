@@ -27,21 +27,21 @@ own in `clearjoint.extend`. All numbers are in SI units.
 | film | lubricant between journal and bearing |
 | fingerprint | digest by which a store recognises the sweep that it holds |
 | folded constant | vector component that is exactly 0 or 1 and compiled as such |
-| group | alike elements of a scene that are computed as one array |
+| group | elements of a scene with the same structure, whose numbers are computed as one array |
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
 | onset | instant at which a contact's force begins |
 | output | a number of each run of a sweep, such as a peak force |
-| path | selects a number of a scene: `lambda scene: scene.joints["pin"].clearance` |
+| path | function that selects a number: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
 | profile | deviation of a bearing's wall or a journal from its circle, around the axis |
-| quantity | function of the instant that a sensor could read, such as `Position` |
-| reduction | output that is updated at every accepted step |
+| quantity | scalar function of the motion at an instant, as a sensor reads it, such as `Position` |
+| reduction | output that is updated at every accepted step, such as a maximum |
 | residual | prediction less measurement, over the noise |
 | result code | how a run ended, one of `RESULTS` |
 | saltation | jump of derivatives across an event |
 | section | Poincaré section: quantities where another one crosses zero |
-| segment | steps that compiled code takes before it returns to Python |
+| segment | sequence of steps that compiled code takes before it returns to Python |
 | slot | position of a lane in a processor's vector |
 | step, attempt | an accepted time step; a trial that may be rejected |
 | tangent | derivative of a variable by a parameter, integrated with it |

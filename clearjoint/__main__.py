@@ -1,4 +1,4 @@
-"""``python -m clearjoint`` is the program `clearjoint`."""
+"""Run the command-line program `clearjoint` by ``python -m clearjoint``."""
 
 from .command_line.program import main
 

@@ -1,14 +1,16 @@
-"""For authors of laws, friction, joints, coordinates, quantities and reductions of their own.
+"""Base classes and functions for laws, friction, joints, coordinates, quantities and reductions of
+your own.
 
-An element is a subclass of `AbstractContactLaw`, `AbstractFriction`, `AbstractConstraint`,
-`AbstractForce`, `AbstractContactJoint`, `AbstractAxialPolicy`, `AbstractQuantity` and the like;
-nothing is registered. Their methods compute with scalars, which are Python floats where a number is
-zero or one by structure and JAX's otherwise: `Vector`, `Matrix`, `EulerParameters`, `Motion` and
-`Wrench` hold them, and multiply what is zero or one away. Fields that hold numbers with units are
-declared by `quantity`, and the `require` functions raise errors of one form. `clearjoint.testing`
-checks what was made.
+A class of your own is a subclass of `AbstractContactLaw`, `AbstractFriction`, `AbstractConstraint`,
+`AbstractForce`, `AbstractContactJoint`, `AbstractAxialPolicy`, `AbstractQuantity` or another base
+class of this module; it need not be registered. Methods compute with scalars instead of arrays:
+Python floats where a number is exactly zero or one for the compiled program, such as a component of
+an axis, and scalars of JAX otherwise. `Vector`, `Matrix`, `EulerParameters`, `Motion` and `Wrench`
+contain such scalars, and leave products with zero and one out of the program. `quantity` declares
+fields that have units, and the `require` functions check arguments and raise errors of a common
+form. The functions of `clearjoint.testing` check the finished classes.
 
-What a user of ready elements needs is in `clearjoint` itself.
+Users of ready laws and joints need only the names in `clearjoint` itself.
 """
 
 from .dynamics.coordinates import AbstractCoordinates as AbstractCoordinates

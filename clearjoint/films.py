@@ -1,4 +1,5 @@
-"""Hydrodynamic forces of the lubricant in a bearing, passed as `film=` to a `LubricatedJoint`."""
+"""Laws for the hydrodynamic force of the lubricant in a bearing, passed as `film=` to a
+`LubricatedJoint`."""
 
 from .fields.readable import without_modules as _without_modules
 from .model.films import ButenschoenFilm as ButenschoenFilm

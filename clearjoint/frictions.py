@@ -1,7 +1,8 @@
 """Friction laws of contacts, passed as `friction=` to a joint with clearance.
 
-Regularised laws creep instead of sticking; those with bristles (`Dahl`, `LuGre`, `ElastoPlastic`)
-stick."""
+Regularised laws, whose force vanishes with the sliding speed, creep slowly instead of sticking.
+Laws with bristles, elastic deflections of the surfaces, stick (`Dahl`, `LuGre`, `ElastoPlastic`).
+"""
 
 from .fields.readable import without_modules as _without_modules
 from .model.contact.bristles import Dahl as Dahl

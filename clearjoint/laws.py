@@ -1,7 +1,8 @@
-"""Normal contact laws, their stiffness, and the restitution that they deliver.
+"""Contact laws for the normal force, their stiffnesses, and the restitution that they deliver.
 
-The force of a law follows from the penetration and its rate; that of line contact also from the
-length of the journal. A contact law is passed as `law=` to a joint with clearance."""
+The force of a law follows from the penetration and its rate, and that of cylinders in contact along
+a line also from the length of the journal. A contact law is passed as `law=` to a joint with
+clearance."""
 
 from .fields.readable import without_modules as _without_modules
 from .model.contact.bounded_damping import ElastoGap as ElastoGap

@@ -1,7 +1,7 @@
-"""Named settings of runs: `default`, `preview`, `accurate`, `reference`,
-`derivatives` and `identification`.
+"""Named settings of runs: `default`, `preview`, `accurate`, `reference`, `derivatives` and
+`identification`.
 
-They are those of `clearjoint.simulation.step.presets`, which says what each is for.
+They differ mainly in accuracy; `clearjoint.simulation.step.presets` tells what each of them is for.
 """
 
 from .simulation.step.presets import accurate as accurate

@@ -20,14 +20,15 @@ from .study import Study
 from .sweeping import sweep_axes
 
 WORST = 3
-"""Number of violated constraints that a message lists."""
+"""Largest number of violated constraints that a message lists."""
 
 
 def description(study: Study) -> Iterator[str]:
-    """Yield lines that describe a study's scene and its sections [run], [sweep] and [fit].
+    """Yield the lines of text in which `clearjoint check` describes a study: its scene, and its
+    sections [run], [sweep] and [fit].
 
     **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for a section that names unknown elements or paths.
+    can't run, and for a section that names unknown bodies, joints, forces or numbers.
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
@@ -41,7 +42,8 @@ def description(study: Study) -> Iterator[str]:
 
 
 def number_paths(study: Study) -> list[str]:
-    """Return a line for each number of the scene and the state, with its path, value and unit."""
+    """Return a line for each number of the scene and the state, with its path, such as
+    "joints.pin.clearance", its value and its unit."""
     numbers = [(keys_of(name), *number) for name, number in parameters(study.scene).items()]
     in_state = parameters(study.state).items()
     numbers += [(("state", *keys_of(name)), *number) for name, number in in_state]
@@ -104,7 +106,10 @@ def _require_satisfied(report: ConstraintReport) -> None:
 
 def _sections(study: Study) -> Iterator[str]:
     """Yield a line for each section of the study, and check that the scene has the elements and
-    numbers that the section names."""
+    numbers that the section names.
+
+    **Raises:** `ValueError` with the location in the file for those that it does not have.
+    """
     run, fit = study.parts.run, study.parts.fit
     study.check_elements(run.outputs, "run", "outputs")
     study.check_elements(study.sections(), "run", "sections")
@@ -117,6 +122,7 @@ def _sections(study: Study) -> Iterator[str]:
     if fit is not None:
         for name, parameter in fit.parameters.items():
             location = study.location.at("fit", "parameters", name)
+            # For its error about an unknown path.
             find_path(parameter.path, study.scene, study.state, location)
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")

@@ -25,19 +25,24 @@ class CommandResult(NamedTuple):
 
 
 def say(text: str) -> None:
-    """Print a message to the error stream, which results don't use."""
+    """Print a message to the error stream, so that the standard output has results only."""
     click.echo(text, err=True)
 
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context that prints each warning as one line and an error as one sentence, and ends
-    the program with an exit code after an error."""
+    """Return a context for the body of a command, in which users get sentences instead of
+    tracebacks.
+
+    Each warning is printed as one line, and an error as one sentence, after which the program ends
+    with the exit code 1 or 2; after Ctrl-C it ends with 130. Errors of other types, which are
+    mistakes in this package, keep their tracebacks.
+    """
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:
             yield
-        except (click.exceptions.Exit, BrokenPipeError):
+        except (click.exceptions.Exit, BrokenPipeError):  # click handles them
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             text = str(error)

@@ -14,6 +14,7 @@ from ..scene_files.files import save
 from ..scene_files.locations import FileLocation
 
 STUDY = Path(__file__).parent / "templates" / "study.toml"
+"""Template of the study files, with placeholders such as ``$joint``."""
 SCENE_HEAD = """\
 # A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
 # the comments give. A number in another unit is written as a text: clearance = "0.1 mm".
@@ -41,8 +42,8 @@ MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] 
         | {"every": "0.02 ms", "after": "12 ms"},
     ),
 }
-"""By name of the mechanism: the function that returns its scene and state, and the values that
-replace the placeholders in the template of its study."""
+"""Function that returns the scene and the state of a mechanism, and values that replace the
+placeholders in the template of its study, by the mechanism's name."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
@@ -64,7 +65,9 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     """Write the scene file and the study file of a mechanism into a folder; return their paths.
 
-    **Raises:** `ValueError` if one of the files exists.
+    **Arguments:** `mechanism`: key of `MECHANISMS`; `folder`: is made if it does not exist.
+
+    **Raises:** `ValueError` if one of the files exists; nothing is written then.
     """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]

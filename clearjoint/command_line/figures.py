@@ -1,4 +1,4 @@
-"""Draw the figures of results as PNG files."""
+"""Draw the figures of a run, a sweep or a fit as PNG files in the folder of its results."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,13 +34,13 @@ each value. For more values, a map is drawn."""
 
 
 def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
-    """Draw the figures of a run: orbit and forces of each clearance joint, energies, outputs,
-    sections, and the report on one page.
+    """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
+    energies, outputs, Poincaré sections, and the report on one page.
 
-    **Arguments:** `folder`: folder of the results; `solution`: the run; `observed`: observation of
-    its saved states.
+    **Arguments:** `folder`: folder of the results, which has the table of outputs already;
+    `solution`: the run; `observed`: observation of its saved states.
     """
-    matplotlib.use("agg")
+    matplotlib.use("agg")  # draws files without a screen
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
@@ -63,7 +63,8 @@ def draw_sweep(folder: Path, dataset: "xr.Dataset") -> None:
     """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
 
     An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are many, a map. Channels of sections are drawn over a single axis.
+    second axis or, if these are many, a map of colours over both. The channels of Poincaré sections
+    are drawn if there is one axis only.
     """
     matplotlib.use("agg")
     lanes = dataset["result"]
@@ -71,9 +72,13 @@ def draw_sweep(folder: Path, dataset: "xr.Dataset") -> None:
     if axes == ["lane"]:  # zipped axes, of which the first is drawn
         axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
     for name, variable in dataset.items():
+        # The data set also has these counts of each lane. Outputs with more dimensions than the
+        # lanes, such as saved motions, have no figure.
         is_output = name not in ("result", "attempts", "accepted", "time_reached")
         if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
+    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
+    # along this dimension, such as "onset_speed" for its channel "speed".
     for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
         for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
             channel = variable.removeprefix(f"{name}_")
@@ -91,7 +96,8 @@ def draw_fit(folder: Path, found: Fit) -> None:
 
 
 def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
-    """Draw one output of a sweep over its axes; draw nothing if all values are NaN or infinite."""
+    """Draw one output of a sweep over the axes with the given names; draw nothing if all its values
+    are NaN or infinite."""
     if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
@@ -113,6 +119,7 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
     them."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
+    # The figure has chosen its units, which its labels tell.
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
     times = impacts.peak_time[of_joint] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
     forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
@@ -124,8 +131,8 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
 
 
 def _section(crossings: Crossings) -> "Axes":
-    """Draw the crossings of a section: the second channel over the first one, or a single channel
-    over time."""
+    """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
+    channel over time."""
     units, values = dict(crossings.units), dict(crossings.values)
     if len(values) == 1:
         units, values = {"time": "s"} | units, {"time": crossings.times} | values
@@ -135,8 +142,8 @@ def _section(crossings: Crossings) -> "Axes":
 
 
 def _over_time(output: "xr.DataArray") -> "Axes":
-    """Draw an output over time, and mark its extremes, if known, since saved states may miss
-    them."""
+    """Draw an output over time, and mark its largest and smallest value as dots if they are known,
+    since saved states may miss them."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -149,10 +156,15 @@ def _over_time(output: "xr.DataArray") -> "Axes":
 
 
 def _save(folder: Path, name: str, axes: "Axes") -> None:
-    """Write the figure of the axes to a PNG file in the folder of figures."""
+    """Write the figure of the axes to a PNG file in the folder of figures.
+
+    **Arguments:** `folder`: folder of the results; `name`: name of the figure, from which that of
+    the file is made.
+    """
     from matplotlib import pyplot
 
     file = name.replace(" ", "_").replace("/", "_")
+    # A shortened name keeps its start and end; a checksum distinguishes it from similar ones.
     if len(file.encode()) > LONGEST_FILE:
         file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
     (folder / FIGURES).mkdir(exist_ok=True)

@@ -24,12 +24,16 @@ from .study import Study
 from .study_parts import FitPart
 
 ESTIMATES, REPORT = "estimates", "report.txt"
+"""Name of the table of estimates, and file of the report."""
 FITTED_SCENE = "fitted.toml"
+"""File of the scene with the estimates."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
-    """Fit the parameters of a study's section [fit], and write the estimates, the fitted series, a
-    report and a page.
+    """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
+    the fitted series, a report and a page.
+
+    After Ctrl-C, the best fit so far is written.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
@@ -41,7 +45,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     start, location = time.perf_counter(), study.location.at("fit")
     measured = _measured(study, part, location)
     parameters, guess = _parameters(study, part, location)
-    measured.check(study.scene)
+    measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
     interrupted = False
     try:
         found = identify(
@@ -83,7 +87,10 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Return the measurements in the CSV file that the study names, in SI units."""
+    """Return the measurements in the CSV file that the study names, in SI units.
+
+    **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
+    """
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
@@ -94,6 +101,7 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
         name: Channel(column.quantity, 1.0 if name in texts else column.noise, column.unit)
         for name, column in part.columns.items()
     }
+    # Without a character for comments, that of `read_csv` is used.
     options = {} if part.comment is None else {"comment": part.comment}
     time = {"time": part.time, "time_unit": part.time_unit}
     read = read_csv(path, channels, missing=part.missing, **time, **options).series
@@ -107,8 +115,11 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 def _parameters(
     study: Study, part: FitPart, location: FileLocation
 ) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit by name, and by name the guesses that the study has, in SI
-    units."""
+    """Return the parameters of the fit, by name, and the first guesses of those for which the study
+    has one, by name in SI units.
+
+    **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
+    """
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
         part_location = location.at("parameters", name)
@@ -123,6 +134,7 @@ def _parameters(
 def _say_iteration(
     parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
 ) -> None:
+    """Print the number, chi squared and parameters of an iteration; `identify` calls it."""
     pairs = zip(parameters.items(), iteration.coordinates, strict=True)
     values = [f"{name} {float(one.scale.value(x)):.6g}" for (name, one), x in pairs]
     rejected = "" if iteration.accepted else " (rejected)"

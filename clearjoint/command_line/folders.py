@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from .study import Study
 
 SUMMARY = "summary.json"
+"""File of the summary: kind, title and ending of the results."""
 SCENE, REACHED = "scene.toml", "reached.toml"
+"""Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Names of the tables of a run, each in a netCDF and in a CSV file."""
 NUMBERS = "numbers.csv"
@@ -35,10 +37,14 @@ NUMBERS = "numbers.csv"
 SECTION = "section "
 """Prefix of the names of the tables of sections."""
 STORE = "sweep.zarr"
+"""Folder of the store of a sweep."""
 FIGURES = "figures"
+"""Folder of the figures."""
 PAGE = "index.html"
+"""File of the page that shows all results."""
 
 Summary = Mapping[str, str | int | float]
+"""Entries of a summary by name."""
 
 
 def write_summary(folder: Path, kind: str, study: "Study", results: Summary, start: float) -> None:
@@ -67,8 +73,8 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene and a state to a scene file in the folder; write nothing if they can't be
-    saved, such as a state with NaN."""
+    """Write a scene and a state to a scene file in the folder. Write nothing if they can't be
+    saved: a failed run may have ended in a state with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
@@ -87,12 +93,13 @@ def read_table(folder: Path, name: str) -> "xr.Dataset | None":
     if not path.exists():
         return None
     table = xr.load_dataset(path, engine="scipy")
+    # Names that netCDF does not allow were changed when the file was written.
     return table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
 
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
-    """Return the scene and the solution of a run in a folder; the solution has no accepted steps,
-    since these are not stored.
+    """Return the scene and the solution of a run in a folder, from which its figures are drawn
+    again. The solution has no accepted steps, since these are not stored.
 
     **Raises:** `ValueError` for a folder without saved states.
     """
@@ -136,9 +143,10 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 
 def _state(scene: Scene, tables: Mapping) -> State:
-    """Return the state, or the states at N times, in tables that `state_arrays` has made.
+    """Return the state, or the states at N times, in the arrays of a table of states.
 
-    **Arguments:** `tables`: tables by name, with or without a first axis of times.
+    **Arguments:** `tables`: arrays by name, such as "position" along "body" and "component", with
+    or without a first axis of times.
     """
     bodies = {
         name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
@@ -155,7 +163,11 @@ def _state(scene: Scene, tables: Mapping) -> State:
 def _by_contact(
     scene: Scene, table: "xr.DataArray | None", dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the values of a table by joint and contact, whose labels are along `dim`."""
+    """Return the values of a state variable of the contacts by joint and contact.
+
+    **Arguments:** `table`: array of the variable, None if the scene has none; `dim`: its dimension
+    along the contacts, whose labels are those of `contact_label`.
+    """
     by_joint: dict[str, dict[str, np.ndarray]] = {}
     if table is not None:
         for joint, family in scene.laws().items():

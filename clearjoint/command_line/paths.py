@@ -1,7 +1,8 @@
-"""Find the numbers that texts such as "joints.pin.clearance" or "state.bodies.arm.velocity.0" name.
+"""Find the numbers of a scene or of its initial state that study files name.
 
-Such a text is called a written path. It consists of names and indices, separated by dots, and
-begins with "state" for numbers of the initial state.
+A number is named by a text such as "joints.pin.clearance" or "state.bodies.arm.velocity.0", called
+a written path. It consists of names and indices, separated by dots, and begins with "state" for
+numbers of the initial state.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from ..scene_files.locations import FileLocation, Keys, keys_of, listed, written
 from ..scene_files.reading import number_of_text
 
 STATE = "state"
+"""First key of the paths of numbers of the initial state."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class FoundPath:
     def number(self, value: object, location: FileLocation) -> float:
         """Convert a value from a file, a number or a text with a unit, to a number in `unit`.
 
+        **Arguments:** `location`: location of the value in the file, for messages.
+
         **Raises:** `ValueError` for other values.
         """
         if isinstance(value, str):
@@ -67,6 +71,9 @@ def find_path(
     """Find the number at a written path, or the numbers at several paths, which then all get the
     same value.
 
+    **Arguments:** `texts`: a written path, or several; `location`: their location in the file, for
+    messages.
+
     **Raises:** `ValueError` for a name that does not exist, with the names that do, and for paths
     of which some are in the scene and others in the state.
     """
@@ -77,6 +84,7 @@ def find_path(
         location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
     (is_state,) = in_state
     tree, paths = (state, [keys[1:] for keys in paths]) if is_state else (scene, paths)
+    # The unit of each number, by its keys: an array has one entry for each component.
     units = {
         (*keys_of(name), *map(str, index)): unit
         for name, (value, unit) in parameters(tree).items()
@@ -88,7 +96,12 @@ def find_path(
 
 
 def _require_known(keys: Keys, units: dict[tuple[str, ...], str], location: FileLocation) -> None:
-    """Raise a `ValueError` unless `keys` lead to one of the numbers whose `units` are given."""
+    """Raise a `ValueError` unless `keys` lead to a number.
+
+    **Arguments:** `units`: unit of each number, by the keys that lead to it; `location`: location
+    of the path in the file.
+    """
+    # Follow the keys one by one, so that the message lists the names at the first unknown key.
     for depth in range(len(keys) + 1):
         known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
         names, parent = listed(dict.fromkeys(known)), written(keys[:depth]) or "the top"

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .study import Study
 
 WIDTH = 88
+"""Largest width of the help, characters."""
 EXITS = """
 Exit codes: 0 success; 1 a run, a sweep or a fit failed (results so far are written); 2 the input
 is wrong; 130 interrupted by Ctrl-C (results so far are written).
@@ -26,8 +27,10 @@ is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command of the program, whose errors are printed
-    as sentences.
+    """Return a decorator that makes a function a command of the program.
+
+    The docstring of the function is the help of the command, and its errors are printed as
+    sentences (`understandable`).
 
     **Arguments:** `name`: name of the command; `examples`: command lines for the help.
     """
@@ -243,7 +246,8 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Configure JAX, unless it is configured already."""
+    """Configure JAX, unless it is configured already, as in a process that calls several
+    commands."""
     import jax
 
     if not jax.config.jax_enable_x64:  # pyright: ignore
@@ -256,7 +260,12 @@ def _study(
     section: str = "",
     options: Mapping[str, str | None] = MappingProxyType({}),
 ) -> "Study":
-    """Read a study with changes, to which options of the command for a `section` are added."""
+    """Read a study file or a scene file for a command.
+
+    **Arguments:** `changes`: texts of the options --set, such as "joints.pin.clearance=0.2mm";
+    `options`: further options by the names of the entries that they replace in the `section` of
+    the study, such as "end" in "run", None if they are not given.
+    """
     _prepare()
     from .study import read_study
 
@@ -265,6 +274,7 @@ def _study(
 
 
 def _default_folder(file: Path, command: str) -> Path:
+    """Return the folder of the results of a command if the option --out does not name it."""
     return Path("results") / file.stem / command
 
 

@@ -1,4 +1,5 @@
-"""`clearjoint report`: draw the figures and write the page of a folder of results."""
+"""Draw the figures and write the page of a folder of results, for `clearjoint report` and at the
+end of the commands `run`, `sweep` and `fit`."""
 
 import base64
 import re
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
 ROWS = 20
 """Rows of a table that the page shows at most."""
 TABLE = "sweep.csv"
+"""File of the table of a sweep's lanes."""
 VIEW = "view.html"
+"""File of the page with the animation of a run."""
 SCREEN = 0.55
 """Width of a picture on the page as a fraction of its width in pixels."""
 STYLE = """
@@ -42,6 +45,7 @@ figure { display: inline-block; margin: .5rem; vertical-align: top; }
 figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
 pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 """
+"""Style sheet of the page."""
 
 
 def write_report(folder: Path) -> None:
@@ -57,7 +61,8 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Draw the figures of a run, and write its page and, if possible, its 3D view."""
+    """Draw the figures of a run, and write its page and, if the packages for it are installed, its
+    3D animation."""
     parts = []
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")
@@ -74,7 +79,7 @@ def write_run_report(folder: Path) -> None:
 
 
 def write_sweep_report(folder: Path, dataset: "xr.Dataset") -> None:
-    """Draw the figures of a sweep, and write the CSV table of all lanes and the page."""
+    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane."""
     frame = lane_table(dataset)
     frame.to_csv(folder / TABLE, index=False)
     figures.draw_sweep(folder, dataset)
@@ -90,7 +95,7 @@ def write_fit_report(folder: Path, found: Fit) -> None:
 def write_page(folder: Path, *parts: str) -> None:
     """Write the HTML page of a folder of results, which loads nothing from the network.
 
-    It contains the summary, texts, figures and links to the files.
+    It contains the summary, the text files, the figures, and links to all files.
 
     **Arguments:** `parts`: further parts of the page, as HTML.
     """
@@ -119,7 +124,8 @@ def write_page(folder: Path, *parts: str) -> None:
 
 
 def _picture(path: Path) -> str:
-    """Return the HTML of a figure, with the content of the PNG file, and its name as caption."""
+    """Return the HTML of a figure, which contains the picture itself, with the name of its PNG file
+    as caption."""
     content = path.read_bytes()
     data = base64.b64encode(content).decode("ascii")
     name = escape(path.stem.replace("_", " "))
@@ -129,7 +135,8 @@ def _picture(path: Path) -> str:
 
 
 def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
-    """Return the HTML of a heading and of the first `rows` rows of a data frame."""
+    """Return the HTML of a heading and of the first `rows` rows of a data frame, with a note if
+    there are more."""
     shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
     more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
     return f"<h2>{escape(title)}</h2>{shown}{more}"
@@ -140,6 +147,7 @@ def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
     that are one number of the lane."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
+    # A sweep over a grid has a dimension for each axis: they become columns of one list of lanes.
     if dims != ("lane",):
         table = table.stack(lane=dims, create_index=False)
         labels = {dim: ("lane", table[dim].values, dataset[dim].attrs) for dim in dims}

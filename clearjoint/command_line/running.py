@@ -1,4 +1,8 @@
-"""`clearjoint run`: simulate a scene and write the results to a folder."""
+"""`clearjoint run`: simulate a scene and write the results to a folder.
+
+The outputs that a study names are quantities, which are evaluated at the saved states, and
+reductions, which are updated at every accepted step and give numbers of the whole run.
+"""
 
 import time
 from collections.abc import Mapping
@@ -41,16 +45,19 @@ if TYPE_CHECKING:
 FRAMES = 1000
 """Default number of equal intervals between the saved states of a run."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
-"""Units of quantities that change during an impact faster than states are saved."""
+"""Units of forces, moments and accelerations, which change during an impact faster than states are
+saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Suffixes by which the reductions that find an output's extremes are named after the output."""
+"""Suffixes of the names of the reductions that find the extremes of an output, after the output's
+name."""
 MISSED = 0.02
 """A note is printed if the samples of an output miss an extreme by more than this fraction of the
 output's range."""
 
 
 class Negative(AbstractQuantity):
-    """The negative of a quantity: its peak is the negative of the smallest value."""
+    """The negative of a quantity, by whose peak the reduction `Peak` finds the quantity's smallest
+    value."""
 
     quantity: AbstractQuantity = eqx.field(static=True)
 
@@ -59,12 +66,14 @@ class Negative(AbstractQuantity):
         return -self.quantity(now)
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the elements of the quantity."""
+        """Check that the scene has the bodies and joints that the quantity names."""
         self.quantity.check(scene)
 
 
 def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page.
+
+    The results up to the end of a run that fails, or that Ctrl-C interrupts, are written, too.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
     whether to show a progress bar.
@@ -72,7 +81,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)
     end, code = study.end(), WELL
-    contacts = bool(study.scene.contact_joints())
+    contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
     times, sections = saved_times(part, end), study.sections()
     try:
         solution = simulate(
@@ -120,11 +129,12 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return the reductions of a run by name.
+    """Return the reductions that a run computes, by name.
 
     These are the reductions among the outputs of the section [run] and, for each quantity among
-    them whose unit is in `SHARP`, two reductions that find its largest and its smallest value. The
-    latter are left out, with a warning, if the solver of the run has no dense output.
+    them whose unit is in `SHARP`, two reductions that find its largest and its smallest value
+    between saved states. The latter need the solver's dense output: if it has none, they are left
+    out with a warning.
     """
     chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
     extremes: dict[str, AbstractReduction] = {}
@@ -133,6 +143,7 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
             extremes[name + LARGEST] = Peak(output, output.unit)
             extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
     if extremes:
+        # Only explicit Runge-Kutta methods have dense output.
         try:
             require_dense(Scheme.of(settings, redundant=False).method.solver)
         except ValueError:
@@ -156,6 +167,8 @@ def saved_times(part: RunPart, end: float) -> np.ndarray:
     duration = end - part.start
     shorter = f"at most the duration, {duration:g} s"
     require(every <= duration, "save_every", every, shorter, "save more often")
+    # The factor and the minimum are for rounding errors: the end is among the times if the duration
+    # is a multiple of `every`, and no time is after the end.
     count = int(np.floor(duration / every * (1.0 + 1e-12)))
     return np.minimum(part.start + every * np.arange(count + 1), end)
 
@@ -168,7 +181,11 @@ def write_results(
 ) -> tuple[float, str]:
     """Write the tables of a run: motion, observation, impacts, sections and outputs.
 
-    **Returns:** the largest normal force of a contact, N, and the contact.
+    **Arguments:** `reductions`: reductions that the run has computed, by name; `folder`: folder of
+    the results.
+
+    **Returns:** the largest normal force of all contacts, N, and the label of its contact; zero and
+    an empty label without contacts.
     """
     folders.write_scene(folder, study.scene, study.state)
     observed = observe(study.scene, solution)
@@ -191,13 +208,17 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> "xr.Dataset":
-    """Return the values of quantities at the saved states. Extremes that reductions have found are
-    attributes, with the times, s, at which they occur."""
+    """Return the values of quantities at the saved states.
+
+    The extremes that reductions have found are attributes of the values: "largest" and "smallest"
+    in the quantity's unit, "largest_time" and "smallest_time" in s.
+    """
     saved, rows, found = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
+        # A reduction of the quantity `Negative` gives the negative of the smallest value.
         if name + LARGEST in found:
             extremes = {
                 "largest": found[name + LARGEST],
@@ -215,7 +236,8 @@ def _outputs(
 def _note_missed_extremes(
     name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
 ) -> None:
-    """Print a note if the saved samples of an output miss its extremes."""
+    """Print a note if the saved samples of an output, `values` (N,), miss its `extremes`, which
+    reductions have found, by more than the fraction `MISSED` of the output's range."""
     largest, smallest = extremes["largest"], extremes["smallest"]
     missed = max(largest - values.max(), values.min() - smallest)
     if missed > MISSED * (largest - smallest):
@@ -229,9 +251,11 @@ def _note_missed_extremes(
 def _write_numbers(
     solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Path
 ) -> None:
-    """Write the outputs that are one number of the run, with their units."""
+    """Write the outputs that are one number of the run, with their units, to a CSV file."""
     rows = []
     for name, reduction in reductions.items():
+        # The peak of a `Negative` is the negative of the smallest value. Its other numbers, such as
+        # the time of the peak, keep their signs.
         sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
             output = f"{name}_{part}" if part else name

@@ -27,9 +27,11 @@ from ..sweeps.outputs import ImpactTable
 from .study_parts import CLASSES, StudyParts
 
 Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
-"""Parts of a study that name elements of the scene."""
+"""Parts of a study that name bodies, joints or forces of the scene."""
 SCENE = "scene"
+"""Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
+"""Keys of the sections in a study file."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Study:
     - `scene`, `state`: the mechanism and its initial state.
     - `parts`: the sections of the study file.
     - `location`: the file, for messages.
-    - `document`: tables of the file without the scene.
+    - `document`: tables of the file, as parsed, without the scene.
     """
 
     scene: Scene
@@ -59,8 +61,8 @@ class Study:
         return self.parts.title or self.path.stem
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of a section "run", "sweep" or "fit": those of its preset with the
-        changes that the section makes.
+        """Return the settings of the integration in a section, "run", "sweep" or "fit": those of
+        its preset with the changes that the section makes.
 
         A section [sweep] without preset and changes has the settings of [run]. The energy ledger is
         switched on if an output of the section needs it.
@@ -82,7 +84,8 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the end of runs, s: `section_end` or, if that is None, the end in [run].
+        """Return the time at which runs end, s: `section_end` or, if that is None, the end in the
+        section [run].
 
         **Raises:** `ValueError` if there is neither, and for an end before the start.
         """
@@ -94,7 +97,8 @@ class Study:
         return float(end)
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
-        """Check that the scene has the elements that outputs, sections or quantities name.
+        """Check that the scene has the bodies, joints and forces that outputs, Poincaré sections or
+        quantities name.
 
         **Arguments:** `named`: the outputs, sections or quantities, by name; `keys`: keys of the
         table in the file that contains them.
@@ -106,7 +110,7 @@ class Study:
                 one.check(self.scene)
 
     def sections(self) -> dict[str, Section]:
-        """Return the Poincaré sections of the run, by name."""
+        """Return the Poincaré sections in the section [run], by name, for `Saving`."""
         return {
             name: Section(
                 part.crossing,
@@ -163,8 +167,13 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 def _parts_and_scene(
     document: Document, location: FileLocation
 ) -> tuple[Document, Document, FileLocation]:
-    """Return the sections of a study file, and tables and location of the scene that the file
-    contains or names."""
+    """Return the sections of a study file, and the tables and the location of its scene.
+
+    The key "scene" of the file has the scene as a table, or the path of a scene file relative to
+    the study file.
+
+    **Raises:** `ValueError` for a file without this key, and for a path without file.
+    """
     if SCENE not in document:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
         location.refuse(sorted(document), "`scene` or `bodies`", remedy)
@@ -191,7 +200,7 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     with location.in_errors():
         keys = keys_of(path.strip())
     is_in_study = keys[0] in PARTS
-    if keys[0] == "run":
+    if keys[0] == "run":  # the options --end and --preset work for files without this section, too
         study.setdefault("run", {})
     try:
         value = tomllib.loads(f"value = {text.strip()}")["value"]

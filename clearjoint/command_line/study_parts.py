@@ -1,4 +1,8 @@
-"""Define the sections of a study file, the classes that it may name, and its JSON Schema."""
+"""Define the sections of a study file, the classes that it may name, and its JSON Schema.
+
+The fields of each dataclass are the keys of a table in the file. `Annotated[float, "s"]` declares
+the unit of a number, which may be written as a text with another unit, such as "2 ms".
+"""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -26,13 +30,20 @@ from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
 Spacing = Literal["linear", "geometric"]
+"""Equal differences, or equal ratios, of successive values."""
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
 """Names of the settings in `clearjoint.presets`."""
 
 
 @dataclass(frozen=True)
 class SectionPart:
-    """A Poincaré section, with the arguments of `clearjoint.Section`."""
+    """A Poincaré section of a run.
+
+    - `crossing`: quantity at whose upward zero crossings the channels are recorded.
+    - `channels`: recorded quantities, by name.
+    - `count`: largest number of recorded crossings.
+    - `after`: time, s, before which crossings are not recorded.
+    """
 
     crossing: AbstractQuantity
     channels: Mapping[str, AbstractQuantity]
@@ -72,7 +83,7 @@ class AxisPart:
 
     - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
       same value.
-    - `values`: the list of values. Otherwise there are `count` values from `start` to `stop`, at
+    - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
       equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
       units, or a text with a unit.
     """
@@ -97,9 +108,9 @@ class AxisPart:
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The section [sweep]: axes of a sweep, and outputs of each lane.
+    """The section [sweep]: many runs (lanes) with other numbers, and outputs of each one.
 
-    - `axes`: numbers that vary, by name.
+    - `axes`: numbers that vary, with their values, by name.
     - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
       [run] are computed too.
     - `end`, `preset`, `settings`: those of [run] unless given.
@@ -118,10 +129,11 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """The quantity in a column of the measurements.
+    """A measured series: a column of the file of measurements.
 
     - `quantity`: the measured quantity.
-    - `noise`: one standard deviation: a number in the column's unit, or a text with another unit.
+    - `noise`: standard deviation of the measured values: a number in the column's unit, or a text
+      with another unit.
     - `unit`: unit of the column, if its header does not give the unit.
     """
 
@@ -136,7 +148,7 @@ class ParameterPart:
 
     - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
       same value.
-    - `scale`: scale of the parameter, by default linear.
+    - `scale`: scale on which the parameter is estimated, such as `Log`; by default linear.
     - `guess`: first guess, a number in SI units or a text with a unit; by default the number in
       the scene or state.
     """
@@ -156,7 +168,9 @@ class FitPart:
     - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
       that are not numbers, "refuse" makes them errors.
     - `parameters`: numbers to estimate, by name.
-    - `grow`, `max_iterations`, `starts`: arguments of `clearjoint.identify`.
+    - `grow`: times, s, up to which the record is fitted one after another before the whole record;
+      `max_iterations`: largest number of iterations; `starts`: further first guesses. They are
+      arguments of `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
@@ -177,7 +191,7 @@ class FitPart:
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file."""
+    """The sections of a study file, and its title; None for a section that the file lacks."""
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
@@ -186,6 +200,7 @@ class StudyParts:
 
 
 def _concrete(module: ModuleType, family: type) -> list[type]:
+    """Return the subclasses of `family` in a module that are not abstract."""
     classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
     return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
 
@@ -200,7 +215,7 @@ CLASSES: tuple[type, ...] = (
 )
 """Classes that study files may name: quantities, reductions, methods, solvers, scales, starts."""
 TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
-"""Classes of the tables of study files, which the files do not name."""
+"""Classes of the tables of study files. Files do not name them, since their keys tell the class."""
 
 
 def study_schema() -> Schema:

@@ -1,4 +1,8 @@
-"""`clearjoint sweep`: run a scene for many values; an interrupted sweep can be continued."""
+"""`clearjoint sweep`: run a scene for many values of its numbers, each run in a lane.
+
+The store of a sweep keeps the finished chunks of lanes, so that the same command continues an
+interrupted sweep.
+"""
 
 import time
 from pathlib import Path
@@ -24,13 +28,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PIECES = 16
-"""Default number of chunks of lanes that are stored together; an interruption loses at most one."""
+"""Default number of chunks, into which the lanes of a sweep are divided. A chunk is stored when all
+its lanes are finished: an interruption loses at most one."""
 LONGEST = 256
 """Largest default number of lanes in a chunk."""
 
 
 def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
-    """Run the sweep of a study's section [sweep], and write its store, tables, figures and page.
+    """Run the sweep of a study's section [sweep], or continue it, and write its store, tables,
+    figures and page.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
     whether to show a progress bar.
@@ -64,7 +70,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
             progress=progress,
         )
     except KeyboardInterrupt:
-        if not (folder / STORE).exists():
+        if not (folder / STORE).exists():  # nothing is finished that could be reported
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary = _summary(dataset, code)
@@ -103,7 +109,13 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
 
 
 def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:
-    """Return the values of an axis, (N,) in the SI unit of the number that varies."""
+    """Return the values of an axis, (N,) in the SI unit of the number that varies.
+
+    **Arguments:** `part`: entries of the axis in the file, at the `location`; `found`: the number.
+
+    **Raises:** `ValueError` for texts with wrong units, and for geometric spacing from or to zero
+    or a negative number.
+    """
     if part.values is not None:
         values = [found.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
         return np.array(values)
@@ -117,6 +129,10 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 
 
 def _summary(dataset: "xr.Dataset", code: int) -> Summary:
+    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name.
+
+    **Arguments:** `code`: exit code of the sweep, which tells whether it was interrupted.
+    """
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
     failed = {f"lanes {name}": n for name, n in counts.items() if n and name != "successful"}
@@ -125,14 +141,15 @@ def _summary(dataset: "xr.Dataset", code: int) -> Summary:
         "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
         "lanes": int(codes.size),
         "lanes successful": counts["successful"],
-        "lanes pending": int((codes < 0).sum()),
+        "lanes pending": int((codes < 0).sum()),  # lanes that have not run have the code -1
         **failed,
         **{f"axis {name}": int(dataset[name].size) for name in axes if name in dataset.coords},
     }
 
 
 def _line(dataset: "xr.Dataset", summary: Summary) -> str:
-    """Return the result of a sweep as one line of text."""
+    """Return the result of a sweep as one line of text: numbers of lanes and steps, and the largest
+    of all outputs that are forces."""
     lanes, pending = int(summary["lanes"]), int(summary["lanes pending"])
     failed = lanes - int(summary["lanes successful"]) - pending
     steps = int(dataset["accepted"].clip(min=0).sum())

@@ -8,20 +8,25 @@ suitable prefixes.
 
 | of a run | functions |
 |---|---|
-| orbit of the journal | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
+| path of the journal in the bearing | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
 | forces over time | `contact_forces`, `joint_forces` |
 | force over penetration | `hysteresis` |
-| free flight, impact, following | `motion_timeline` |
+| times of free flight, impact and lasting contact | `motion_timeline` |
 | directions of contact | `contact_rose` |
-| energies and their drift | `energy_ledger` |
+| energies and the error of their balance | `energy_ledger` |
 | motion of any quantity | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
 | report on one page | `report` |
 
 | of a sweep | functions |
 |---|---|
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
-| sections over a parameter, or of a lane | `bifurcation`, `poincare_section_of_lane` |
-| orbit and wear of a lane | `orbit`, `wear` |
+| Poincaré sections over a parameter, or of a run | `bifurcation`, `poincare_section_of_lane` |
+| path of the journal and wear of a run | `orbit`, `wear` |
+
+| of a fit or its planning | functions |
+|---|---|
+| measurements and the fitted model | `fitted`, `correlations` |
+| accuracy over the length of a record | `record_length`, `growth`, `integration_error` |
 
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
 The argument `window` is the start and the end of the drawn time, s; by default all is drawn.

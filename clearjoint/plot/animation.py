@@ -1,4 +1,8 @@
-"""Draw still pictures and animations of a journal that moves in its bearing."""
+"""Draw still pictures and animations of a journal that moves in its bearing.
+
+Each of the journal's two end circles, its bases V and W, has a picture of its own, which shows the
+circle in the cross-section of the bearing.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +20,8 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance in the pictures, as a fraction of the radius of the bearing."""
+"""Clearance in the pictures, as a fraction of the radius of the bearing. True clearances, at most a
+few hundredths of the radius, would hardly be visible."""
 WALL = 0.14
 """Thickness of the bearing's wall in the pictures, as a fraction of the radius of the bearing."""
 Instants = Sequence[float] | np.ndarray
@@ -33,10 +38,12 @@ def journal_frames(
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw one picture of the journal in its bearing for each instant and for each of its bases.
+    """Draw one picture of the journal in its bearing for each instant and for each of its bases,
+    which are its end circles V and W.
 
-    The pictures of base V are in the upper row, those of base W in the lower row. The drawn
-    clearance is 0.3 of the bearing's radius. The journal is dark in contact and light in flight.
+    The pictures of base V are in the upper row, those of base W in the lower row. Clearance and
+    eccentricity are enlarged by the same factor, so that the drawn clearance is 0.3 of the
+    bearing's radius. The journal is dark in contact and light in flight.
 
     **Arguments:**
 
@@ -44,8 +51,9 @@ def journal_frames(
     - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
     - `instants`: (M,) times, s. Each picture shows the observed time that is nearest to its
       instant.
-    - `section`: directions that are drawn to the right and upwards, see
-      `plot.eccentricity_vectors`.
+    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
+      label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
+      bearing's frame.
     - `columns`: number of instants in a row; further instants continue in a new pair of rows.
     - `figure`: empty figure to draw into; a new one by default.
 
@@ -53,8 +61,9 @@ def journal_frames(
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
-    blocks = -(-len(instants) // columns)
+    blocks = -(-len(instants) // columns)  # pairs of rows, rounded up
     if figure is None:
+        # Inches: a picture is 1.3 wide, a pair of rows with titles 2.75 high, the legend 0.3.
         figure = Figure(figsize=(1.3 * columns, 2.75 * blocks + 0.3), layout="constrained")
     grid = figure.subplots(2 * blocks, columns, squeeze=False)
     for axes in grid.flat:
@@ -67,7 +76,7 @@ def journal_frames(
             Picture(axes).show(offsets[index], touching[index])
             if row == 0:
                 axes.set_title(f"{observation.times[index] * 1e3:.1f} ms", fontsize=10)
-            if k % columns == 0:
+            if k % columns == 0:  # left of the bearing's wall, which ends at -(1 + WALL)
                 axes.text(-1.25, 0.0, f"base {base}", rotation=90, ha="right", va="center")
     samples = [Circle((0, 0), 1, facecolor=face, edgecolor=DARK) for face in (DARK, LIGHT)]
     figure.legend(
@@ -89,8 +98,9 @@ def animate_journal(
     """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
     right.
 
-    The drawn clearance is 0.3 of the bearing's radius. The journal is dark in contact and light in
-    flight.
+    The bases are the journal's end circles. Clearance and eccentricity are enlarged by the same
+    factor, so that the drawn clearance is 0.3 of the bearing's radius. The journal is dark in
+    contact and light in flight.
 
     **Arguments:**
 
@@ -98,9 +108,9 @@ def animate_journal(
     - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
     - `file`: path of the file to write, with the suffix ".gif".
     - `instants`: (M,) times, s, one for each frame, which shows the nearest observed time.
-    - `section`: directions that are drawn to the right and upwards, see
-      `plot.eccentricity_vectors`.
-    - `frames_per_second`: speed of the animation.
+    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
+      label, see `journal_frames`.
+    - `frames_per_second`: number of frames that the animation shows in a second.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
@@ -118,9 +128,10 @@ def animate_journal(
         for picture, offsets, touching in pictures:
             picture.show(offsets[index], touching[index])
         time_text.set_text(f"{observation.times[index] * 1e3:.1f} ms")
-        return []
+        return []  # FuncAnimation needs the changed artists only to redraw parts of the figure
 
     frames = _nearest(observation.times, instants)
+    # `list` draws nothing: without `init_func`, the first frame would be drawn twice.
     animation = FuncAnimation(figure, draw, frames=frames, init_func=list)
     animation.save(file, writer=PillowWriter(frames_per_second), dpi=80)
 
@@ -156,8 +167,13 @@ def _drawn(
     clearance: float,
     section: CrossSection | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the offsets of a base at all observed times, (N, 2) in radii of the drawn bearing, and
-    a mask (N,) of the times at which the base touches the wall."""
+    """Return the positions of one base in the pictures, and when it touches the wall, at the N
+    observed times.
+
+    **Returns:** centre of the base in the cross-section, (N, 2) in radii of the bearing, enlarged
+    so that the clearance becomes `DRAWN_GAP`; mask (N,) of the times at which the base touches the
+    wall.
+    """
     vectors = eccentricity_vectors(observation, joint, base, section)
     touching = observation.contacts[joint][base].penetration > 0.0
     return vectors * (DRAWN_GAP / clearance), touching

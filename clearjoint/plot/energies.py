@@ -1,4 +1,9 @@
-"""Draw the energy ledger of a run over time."""
+"""Draw the energies of a run over time.
+
+The energy ledger of a run consists of the integrals that ``Settings(ledger=True)`` adds to its
+variables: the energies dissipated by damping, friction, films and stabilisation, and the work of
+drivers and loads.
+"""
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -17,7 +22,7 @@ ENERGIES = {
 }
 """Keys of `Observation.energies` whose sum is one curve, by the curve's label in the legend."""
 LEDGER = {*ENERGIES["dissipated"], "supplied"}
-"""Keys that only a run with an energy ledger has."""
+"""Keys of `Observation.energies` that only a run with an energy ledger has."""
 
 
 def energy_ledger(
@@ -29,16 +34,18 @@ def energy_ledger(
     """Draw the energies of a run over time, and below them the error of their balance, the drift.
 
     The upper axes show the kinetic energy, the potential energy of gravity relative to the first
-    instant, the elastic energy (springs, contacts, bristles), the energy dissipated since the start
-    (normal damping, friction, films, stabilisation) and the work of drivers and loads since the
-    start. The drift is the change since the start of kinetic, potential, elastic and dissipated
-    energy together, minus the work; it would be zero for an exact integration. A run without energy
-    ledger has neither dissipated energy nor work: the lower axes then show the change of kinetic,
-    potential and elastic energy together.
+    instant, the elastic energy (of springs, contacts, and bristles of friction laws), the energy
+    dissipated since the start (by normal damping, friction, films, and the stabilisation of
+    constraints) and the work of drivers and loads since the start. The drift is the change since
+    the start of kinetic, potential, elastic and dissipated energy together, minus the work; it
+    would be zero for an exact integration. In a run without ``Settings(ledger=True)``, dissipated
+    energy and work are unknown: the lower axes then show the change of kinetic, potential and
+    elastic energy together.
 
     **Arguments:**
 
     - `observation`: from `cj.observe`, of a run with `Settings(ledger=True)`.
+    - `window`: start and end of the drawn time, s; by default all observed times.
     - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 
     **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
@@ -55,12 +62,13 @@ def energy_ledger(
         axes = np.asarray(plt.subplots(2, 1, layout="constrained", **looks)[1])
     above, below = axes
     energies = observation.energies
+    # Energies that the scene does not have, such as those of springs, are left out.
     changes = {
         label: np.sum([energies[name] for name in names if name in energies], axis=0)
         for label, names in ENERGIES.items()
         if not energies.keys().isdisjoint(names)
     }
-    if POTENTIAL in changes:
+    if POTENTIAL in changes:  # only its changes matter, and its zero is arbitrary
         changes[POTENTIAL] = changes[POTENTIAL] - changes[POTENTIAL][0]
     mask, times, time_label = time_axis(above, observation.times, window)
     curves = {name: values[mask] for name, values in changes.items()}
@@ -76,7 +84,7 @@ def energy_ledger(
     below.margins(x=0.0)
     has_ledger = not energies.keys().isdisjoint(LEDGER)
     largest_change = max(np.ptp(values) for values in changes.values())
-    if has_ledger and largest_change > 0.0:
+    if has_ledger and largest_change > 0.0:  # a title tells how large the drift is relatively
         share = np.abs(drift).max(initial=0.0) / largest_change
         text = f"at most {share:.1g} of the largest change above"
         below.set_title(text, fontsize="small", loc="right")

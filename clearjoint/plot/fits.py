@@ -1,4 +1,8 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and the longest run to fit."""
+"""Draw fits to measurements, the accuracy of estimated parameters, and the longest run to fit.
+
+The accuracy of a parameter refers to its coordinate: its value on its scale, such as the logarithm
+of the value for the scale `Log`, on which a small difference is a relative error.
+"""
 
 from collections.abc import Collection
 from functools import cached_property
@@ -62,7 +66,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     - `series`: names of the measured series to draw; by default all.
 
     **Returns:** array (2, number of series) of axes in a new figure: measurement and prediction in
-    the first row, residuals in the second one, with a grey band from -2 to 2.
+    the first row; in the second one the residuals, which are divided by the noise, with a grey band
+    from -2 to 2, in which 95 % of them should lie.
 
     **Raises:** `ValueError` for unknown names of series.
 
@@ -73,7 +78,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     is_valid = bool(names) and set(names) <= set(known)
     require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
     columns = min(2, len(names))
-    blocks = -(-len(names) // columns)
+    blocks = -(-len(names) // columns)  # rows of series, rounded up
     figure, grid = plt.subplots(
         2 * blocks,
         columns,
@@ -88,6 +93,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
         row, column = 2 * (k // columns), k % columns
         axes[:, k] = grid[row, column], grid[row + 1, column]
         _draw(fit, name, *axes[:, k])
+    # The last row of series may have fewer series than columns.
     for empty in grid.T.reshape(columns, blocks, 2)[len(names) % columns or columns :, -1].ravel():
         empty.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -96,6 +102,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
 
 def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
+    """Draw the measured series `name` and its prediction into the upper axes, and the residuals
+    into the lower ones."""
     series = fit.measurements.series[name]
     times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -112,8 +120,10 @@ def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
 
 
 def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
-    """Draw the correlation coefficients of the estimated parameters as a matrix of coloured
-    numbers.
+    """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
+    coloured numbers.
+
+    Parameters with a coefficient near -1 or 1 can hardly be told apart by the measurements.
 
     **Arguments:** `fit`: from `cj.identify`; `axes`: axes to draw on, new ones by default.
 
@@ -122,11 +132,14 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     >>> axes = plot.correlations(fit)
     """
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
+    # Inches: about one for each row and column, and space for the longest name, which is inclined
+    # below the matrix.
     label_width = LETTER * max(map(len, names), default=0)
     width, height = 1.0 + 1.0 * len(names) + label_width, 0.9 + 0.9 * len(names) + 0.5 * label_width
     axes = axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
+        # Large coefficients have dark colours, on which black is hard to read.
         colour = "white" if abs(number) > 0.6 else "black"
         axes.text(column, row, f"{number:.2f}", ha="center", va="center", color=colour)
     axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
@@ -139,12 +152,13 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. A standard deviation is in the unit of the parameter's
-    coordinate in its scale; for the scale `Log` it is the relative error. The line is thin and
-    faint where the standard deviation exceeds the limit for an identifiable parameter.
+    parameters are estimated together. It is that of the parameter's coordinate, the value on its
+    scale: for the scale `Log` the relative error, for `Linear` the error in multiples of the
+    scale's `unit`. The line is thin and faint where the standard deviation exceeds `report.limits`,
+    above which an estimate carries no information.
 
-    **Arguments:** `report`: from `cj.identifiability`; `report.of(...)` shows a single sensor.
-    `axes`: axes to draw on, new ones by default.
+    **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
+    accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
 
     **Returns:** the axes; duration of the measurement in ms, standard deviation on a logarithmic
     scale.
@@ -153,8 +167,9 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     >>> axes = plot.record_length(report)
     """
     axes = axes_or_new(axes)
-    times, deviations = report.times * 1e3, report.over_time()
+    times, deviations = report.times * 1e3, report.over_time()  # ms
     for k, (name, (colour, style)) in enumerate(zip(report.names, lines(), strict=False)):
+        # Infinite deviations, of parameters that short records don't determine, are gaps.
         finite = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
         identifiable = np.where(finite <= report.limits[k], finite, np.nan)
         axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
@@ -171,9 +186,11 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw how far small changes of parameters and of the initial velocity displace the bodies.
 
-    Each parameter has a line over time: the displacement per unit of the parameter's coordinate in
-    its scale (for the scale `Log`, per relative change). A further line is the displacement per m/s
-    of initial velocity. Vertical lines mark the times beyond which a fit by a single run fails.
+    Each parameter has a line over time: the root mean square displacement of points of the bodies
+    per unit of the parameter's coordinate (for the scale `Log`, per relative change). A further
+    line is the displacement per m/s of initial velocity. Vertical lines mark the times beyond which
+    a fit by a single run fails, because it may not converge from a wrong guess, or because of
+    integration errors.
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
@@ -196,10 +213,12 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw the errors of a run's values and derivatives over time.
+    """Draw the integration errors of a run's outputs, and of their derivatives by the parameters,
+    over time.
 
-    Errors of values are in units of the noise, errors of derivatives are relative; both are bounds.
-    Vertical lines are the times beyond which a fit by a single run fails.
+    Errors of outputs are in units of the measurement noise, errors of derivatives are relative;
+    both are bounds. Vertical lines are the times beyond which a fit by a single run fails, because
+    it may not converge from a wrong guess, or because of these errors.
 
     **Arguments:** `horizon`: from `clearjoint.fit_horizon`; `axes`: by default those of a new
     figure.
@@ -223,13 +242,14 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
-    """Draw vertical lines at the finite times from which on guesses or the integration fail."""
+    """Draw vertical lines at the times, if finite, from which on fits from wrong guesses may fail,
+    or integration errors are too large."""
     limits = {
         "guesses fail": (horizon.convergence, DARK),
         "integration fails": (horizon.numerical, GREY),
     }
     for label, (time, colour) in limits.items():
-        if np.isfinite(time):
+        if np.isfinite(time):  # a limit that the record does not reach is infinite
             axes.axvline(1e3 * time, color=colour, linewidth=1.0, linestyle="--")
             axes.annotate(
                 label,

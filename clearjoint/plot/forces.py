@@ -1,4 +1,9 @@
-"""Draw forces of contacts over time and over the penetration, and their phases over time."""
+"""Draw forces of contacts over time and over the penetration, and phases of the motion over time.
+
+The contacts of a revolute joint with clearance are at the journal's end circles, its bases "V" and
+"W". In all functions, `window` is the start and the end of the drawn time, s, by default all
+observed times; `axes` are the axes to draw on, by default new ones.
+"""
 
 import enum
 
@@ -17,7 +22,8 @@ from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside,
 
 OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
 """An axis becomes logarithmic if the largest force exceeds the first number times the median of the
-forces' peaks, or the second number times the median over time of the forces in contact."""
+forces' peaks, or the second number times the median over time of the forces in contact: on a linear
+axis, half of the forces would then be in the lowest sixth, or twentieth, of its height."""
 FEWEST_PEAKS = 3
 """Smallest number of peaks for which their median is used."""
 DECADES = 4.0
@@ -51,7 +57,7 @@ def contact_and_reaction(
     force = observed.contact(observation, *contact).normal_force[in_window]
     reactions = observed.named("joint", reaction[0], observation.reactions)
     load = observed.named("body", reaction[1], reactions).force[in_window]
-    load = np.linalg.norm(load, axis=1)
+    load = np.linalg.norm(load, axis=1)  # components (n, 3) to magnitudes (n,), N
     largest = np.array([force.max(), load.max()])
     factor, unit = fitting_unit(largest, "N")
     time_factor, time = time_unit(observation.times, window)
@@ -62,7 +68,7 @@ def contact_and_reaction(
         f"reaction at the {shown(reaction[0])}: peak {peaks[1]}": load,
     }
     draw_lines(axes, ((label, times, values * factor) for label, values in curves.items()), 2.0)
-    axes.set_ylim(0.0, 1.3 * factor * largest.max())
+    axes.set_ylim(0.0, 1.3 * factor * largest.max())  # with space for the legend above the curves
     axes.legend(loc="upper center", frameon=False)
     return dress(axes, f"time, {time}", f"force, {unit}")
 
@@ -138,7 +144,10 @@ def _over_time(
     logarithmic: bool | None,
     axes: Axes,
 ) -> Axes:
-    """Draw curves of forces, (N,) N by label, over times (N,) s."""
+    """Draw forces over time, with equal curves merged into one.
+
+    **Arguments:** `times`: (N,) s; `forces`: (N,) N, by label; `logarithmic`: see `contact_forces`.
+    """
     mask, drawn_times, time_label = time_axis(axes, times, window)
     curves = observed.without_twins(
         {name: np.asarray(values)[mask] for name, values in forces.items()}
@@ -161,7 +170,7 @@ def _rescale(
     logarithmic: bool | None,
 ) -> None:
     """Make the axis of forces logarithmic if `logarithmic`, or, if it is None, when the usual
-    forces would be invisible on a linear axis.
+    forces would be invisible on a linear axis. Without positive forces, keep it linear.
 
     **Arguments:** `times`: (N,) s; `curves`: forces (N,) each, N; `factor`: from N to the unit of
     the axis.
@@ -178,6 +187,8 @@ def _rescale(
     largest = peaks.max()
     has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
     if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
+        # The axis begins somewhat below the smallest peak and the usual force, but it spans at
+        # least one and a half decades, and at most `DECADES`.
         lowest = np.clip(0.3 * min(peaks.min(), usual), largest * 10.0**-DECADES, 0.03 * largest)
         axes.set_yscale("log")
         axes.set_ylim(factor * lowest, 1.5 * factor * largest)
@@ -193,13 +204,14 @@ def hysteresis(
 ) -> Axes:
     """Draw the normal force over the penetration, as a closed loop for each impact of a contact.
 
-    The area inside a loop is the energy that the impact dissipates; the legend gives this energy.
+    The area inside a loop is the energy that the normal force dissipates in the impact; the legend
+    gives this energy.
 
     **Arguments:**
 
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
-    - `impacts`: impacts of one contact, from `Impacts.of`.
+    - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
     - `count`: number of impacts to draw, from the first one on.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
@@ -212,6 +224,7 @@ def hysteresis(
     remedy = "take another contact, or a longer run"
     require(len(impacts) > 0, "impacts", len(impacts), "at least one impact", remedy)
     axes = axes_or_new(axes)
+    # Each loop is the penetration (n,), m, and the force (n,), N, of an impact.
     loops = [_loop(observation, impacts, k) for k in range(min(count, len(impacts)))]
     energies = [float(np.trapezoid(force, depth)) for depth, force in loops]
     depth_factor, depth_unit = fitting_unit(np.concatenate([depth for depth, _ in loops]), "m")
@@ -235,8 +248,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
     It is the integral of the normal force over the penetration: the area inside a loop of
     `hysteresis`.
 
-    **Arguments:** `observation`: see `hysteresis`; `impacts`: table of impacts; `index`: row of the
-    impact in the table.
+    **Arguments:** `observation`: from `cj.observe`, at every accepted step or at instants that
+    resolve the impact; `impacts`: table of impacts; `index`: row of the impact in the table.
 
     **Raises:** `ValueError` if fewer than three observed instants lie in the impact.
 
@@ -249,8 +262,13 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return penetration (n,) m and normal force (n,) N of the impact in row `index` at its
-    observed instants, with an added zero at both ends."""
+    """Return the closed curve of one impact, the one in row `index` of the table.
+
+    **Returns:** penetration (n,) m and normal force (n,) N at the observed instants in the impact,
+    with an added zero at both ends.
+
+    **Raises:** `ValueError` for fewer than three such instants.
+    """
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     in_impact = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
     remedy = "observe every step: cj.observe(scene, solution, solution.steps)"
@@ -261,9 +279,11 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
 
 
 class ContactPhase(enum.IntEnum):
-    """Phase of a joint with clearance: free flight, a short impact, or following, in which the
-    journal stays at the wall. If contacts of the joint differ, the phase with the largest number
-    counts.
+    """Phase of the motion in a joint with clearance.
+
+    It is free flight, a short impact, or following, in which the journal stays at the bearing's
+    wall. If the contacts of a joint are in different phases, the one with the largest number is
+    that of the joint.
 
     >>> plot.ContactPhase(1).name
     'IMPACT'
@@ -289,13 +309,13 @@ differ by height, grey value and hatching."""
 
 
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
-    """Return the phase of a joint at each instant, (N,) `ContactPhase` numbers.
+    """Return the phase of the motion in a joint at each of the N observed instants.
 
     A contact with a single compression and restitution is an impact. If the bodies approach again
     before they separate, or if the contact lasts to the end of the observation, the phase is impact
-    up to the first maximum of the penetration, and following from there on. A contact at the first
-    instant is following. If contacts of the joint differ, following has priority over impact, and
-    impact over free flight.
+    up to the first maximum of the penetration, and following from there on. A contact that has
+    begun before the first instant is following until it ends. If the joint's contacts are in
+    different phases, following has priority over impact, and impact over free flight.
 
     **Arguments:**
 
@@ -303,9 +323,13 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
       impacts.
     - `joint`: name of a joint with contacts.
 
+    **Returns:** (N,) numbers of `ContactPhase`.
+
     **Raises:** `ValueError` for the name of a joint without contacts.
 
-    **Source:** P. Flores and others 2006, except the limit between impact and following.
+    **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
+    clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
+    following is not from there.
 
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
@@ -322,6 +346,8 @@ def _phases(contact: ContactObservation) -> np.ndarray:
     approaching = np.asarray(contact.penetration_rate) > 0.0
     phases = np.where(touching, ContactPhase.IMPACT, ContactPhase.FREE_FLIGHT)
     for begin, end in observed.spans(touching):
+        # At the first maximum, the surfaces cease to approach. If they approach throughout, it is
+        # the appended instant after the last one.
         deepest = begin + int(np.argmin(np.append(approaching[begin:end], False)))
         if begin == 0:
             phases[begin:end] = ContactPhase.FOLLOWING
@@ -339,8 +365,9 @@ def motion_timeline(
 ) -> Axes:
     """Draw when each clearance joint is in free flight, in impact, or following the wall.
 
-    `plot.contact_phases` defines the three phases. The numbers on the right of each row are the
-    percentages of the drawn time in free flight, in impact and in following, in this order.
+    Following is a contact that lasts longer than an impact; `plot.contact_phases` defines the three
+    phases. The numbers on the right of each row are the percentages of the drawn time in free
+    flight, in impact and in following, in this order.
 
     **Arguments:**
 
@@ -367,16 +394,17 @@ def motion_timeline(
             of_phase = kinds == phase
             bars = [*zip(factor * starts[of_phase], factor * lengths[of_phase], strict=True)]
             axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
-        total = max(lengths.sum(), np.finfo(float).tiny)
+        total = max(lengths.sum(), np.finfo(float).tiny)  # zero if no interval is in the window
         shares = [100.0 * lengths[kinds == phase].sum() / total for phase in BAR_STYLES]
         text = " / ".join(f"{share:.0f}" for share in shares) + " %"
+        # To the right of the axes: x is a fraction of their width, y is the row.
         look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
         axes.text(1.01, row, text, **look)
     look = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
     axes.text(1.01, 1.02, "shares of the time", **look)
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
-    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_ylim(len(names) - 0.5, -0.5)  # the first joint at the top
     samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
     legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")

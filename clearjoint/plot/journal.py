@@ -1,4 +1,10 @@
-"""Draw the eccentricities of a journal's bases over time and in the bearing's cross-section."""
+"""Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
+
+The bases V and W are the two end circles of the journal. The eccentricity of a base is the distance
+of its centre from the bearing's axis; the base touches the wall where it exceeds the clearance. In
+all functions, `window` is the start and the end of the drawn time, s, by default all times; `axes`
+are the axes to draw on, by default new ones.
+"""
 
 from collections.abc import Mapping
 
@@ -31,8 +37,9 @@ WIDTHS = 1.6, 0.9
 """Widths of the lines of base V and base W, points: W is thinner, as it may lie on V."""
 PRESSED = 0.05
 """`eccentricities` draws eccentricity minus clearance if this difference never exceeds this
-fraction of the clearance."""
+fraction of the clearance, so that its changes are visible for a journal that stays at the wall."""
 BEARING_AXES = ("the bearing's x", "the bearing's y")
+"""Names of the default directions of a cross-section."""
 SMALLEST_IN_MILLIMETRES = 0.2e-3
 """Clearances below this one, m, are drawn in micrometres."""
 
@@ -47,8 +54,9 @@ def eccentricities(
 ) -> Axes:
     """Draw the eccentricities of base V and base W over time.
 
-    Bases that move alike share one curve. If the eccentricity never differs from the clearance by
-    more than 5 %, eccentricity minus clearance is drawn instead.
+    Bases with the same eccentricity, as in planar motion, share one curve. If the eccentricity
+    never differs from the clearance by more than 5 %, eccentricity minus clearance is drawn
+    instead, so that its changes are visible.
 
     **Arguments:**
 
@@ -75,6 +83,7 @@ def eccentricities(
         }
     )
     differences = np.concatenate([size for _, size in sizes]) - radius
+    # `zero` is the eccentricity, m, that the vertical axis shows as zero.
     zero, quantity = 0.0, "eccentricity"
     if bool((np.abs(differences) <= PRESSED * radius).all()):
         zero, quantity = radius, "eccentricity − clearance"
@@ -83,6 +92,7 @@ def eccentricities(
     times = observation.times[in_window] * time_factor
     draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
     level = (radius - zero) * factor
+    # It lies behind the curves, whose `zorder` is 2.
     axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
     if zero == 0.0:
@@ -112,7 +122,8 @@ def eccentricity_vectors(
     """
     observed = contact(observation, joint, base)
     if section is None:
-        return np.asarray(observed.offset)[:, :2]
+        return np.asarray(observed.offset)[:, :2]  # the third component is along the axis
+    # The normal is the direction from the bearing's axis to the contact, and thus to the centre.
     vectors = observed.normal * np.asarray(observed.eccentricity)[:, None]
     components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
     return np.stack(components, axis=1)
@@ -130,8 +141,9 @@ def journal_orbit(
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
     whose radius is the clearance: outside it, a base touches the wall.
 
-    Bases that move alike share one path. Observed points are joined by straight lines. Accepted
-    steps are long in free flight: observe ``solution.steps.between()`` instead, as below.
+    Bases with the same path, as in planar motion, share one curve. Observed points are joined by
+    straight lines. Since accepted steps are long in free flight, observe the motion at
+    ``solution.steps.between()``, which has further instants inside the steps.
 
     **Arguments:**
 
@@ -139,7 +151,8 @@ def journal_orbit(
       resolve free flights.
     - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m; by default the clearance of the observed joint.
-    - `section`: directions that are drawn to the right and upwards, see `eccentricity_vectors`.
+    - `section`: the two unit vectors that are drawn to the right and upwards, by label, see
+      `eccentricity_vectors`.
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
@@ -158,6 +171,7 @@ def journal_orbit(
     }
     curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
     draw_lines(axes, curves)
+    # `axes` may have earlier lines: the new ones are the last.
     for line, width in zip(axes.get_lines()[-len(curves) :], WIDTHS, strict=False):
         line.set_linewidth(width)
     return _dress_orbit(axes, radius, section)
@@ -189,7 +203,7 @@ def orbit_in_contact(
     radius = _radius(observation, joint, clearance)
     orbit = orbit * length_unit(radius)[0]
     touching = contact(observation, joint, base).penetration[in_window] > 0.0
-    in_contact = np.where(touching[:, None], orbit, np.nan)
+    in_contact = np.where(touching[:, None], orbit, np.nan)  # the line has gaps in flight
     axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
     axes.plot(*in_contact.T, color=DARK, linewidth=1.8, label="in contact")
     return _dress_orbit(axes, radius, section)
@@ -215,15 +229,16 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Return the unit in which a figure shows a clearance, given in m.
+    """Choose the unit in which a figure shows lengths about as large as a clearance, given in m.
 
-    **Returns:** the factor from m to the unit, and the unit: "mm" from 0.2 mm on, else "µm".
+    **Returns:** the factor from m to the unit, and the unit: "mm" for a clearance of at least
+    0.2 mm, else "µm".
     """
     return (1e3, "mm") if clearance >= SMALLEST_IN_MILLIMETRES else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
-    """Return the radial clearance of a joint, m, as eccentricity minus penetration of a base.
+    """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """
@@ -266,7 +281,8 @@ def orbit(
     **Arguments:**
 
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `saved`: name of the output of the sweep that is a `Saved`.
+    - `saved`: name of an output of the sweep that is a `clearjoint.Saved`: quantities at given
+      times, its channels.
     - `clearance`: radial clearance, m.
     - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
       both in m, such as those of `quantities.JournalOffset`.
@@ -293,6 +309,6 @@ def orbit(
     factor, unit = length_unit(clearance)
     x, y = (lane[name].values[in_window] * factor for name in names)
     axes.plot(x, y, color=BLUE, linewidth=0.8)
-    axes.plot(x[:1], y[:1], "o", color="black", markersize=4)
+    axes.plot(x[:1], y[:1], "o", color="black", markersize=4)  # the start
     clearance_circle(axes, clearance, factor=factor)
     return dress(axes, *(f"{shown(channel)}, {unit}" for channel in channels))

@@ -23,9 +23,11 @@ LAST_IN_MILLISECONDS = 2.0
 SMALLEST_IN_KILONEWTONS = 1e4
 """Forces from this one on, N, are shown in kN in figures of single runs."""
 LOGARITHMIC = 12.0
-"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
+"""Ratio of the largest to the smallest value, a little more than a decade, above which an axis is
+logarithmic."""
 GEOMETRIC = 1e-6
-"""Largest relative difference of the ratios in a geometric series."""
+"""Largest relative difference of the ratios of successive values in a geometric series, which
+allows for rounding errors."""
 FEW_TICKS = 5.0
 """Ratio of the largest to the smallest value up to which ticks of a logarithmic axis are equally
 spaced."""
@@ -48,7 +50,8 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
-    """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000.
+    """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000,
+    and make the label of their axis.
 
     **Arguments:**
 
@@ -56,13 +59,13 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     - `present`: label of the axes, such as "force, kN", if these already show other data; empty
       for new axes. The unit of this label is then used, and the new label has both names.
 
-    **Raises:** `ValueError` if the label's unit is not that of the data.
+    **Raises:** `ValueError` if the label's unit is not that of the data with some prefix.
     """
     values = np.asarray(data.values, dtype=float)
     si = data.attrs.get("units", "1")
     exponent, unit = _prefixed(values, si)
     name = shown(str(data.name).replace("_", " "))
-    if present:
+    if present:  # both data have one axis, and thus one prefix
         names, exponent, unit = _present_unit(present.replace("\n", " "), si)
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
@@ -70,8 +73,10 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 
 def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """Split an axis label such as "force, kN" of data in the SI unit `unit` into names ("force"),
-    power of ten of the prefix (3) and unit with prefix ("kN").
+    """Split an axis label such as "force, kN" into names ("force"), power of ten of the prefix (3)
+    and unit with prefix ("kN").
+
+    **Arguments:** `unit`: SI unit of the data that are added to the axis, without prefix.
 
     **Raises:** `ValueError` for a label with another unit.
     """
@@ -88,14 +93,14 @@ def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
 
-    The text has the output's name, and name and value of each axis of the sweep on which a single
-    value is selected, except the drawn one.
+    The text has the output's name, and the name and value of each swept parameter of which a single
+    value is selected in the data set, since the curve belongs to these values.
 
     **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
     """
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
-        if coordinate.ndim == 0 and name != axis:
+        if coordinate.ndim == 0 and name != axis:  # a single value is selected
             value, label, _ = scaled(coordinate)
             has_unit = coordinate.attrs.get("units", "1") != "1"
             title, _, unit = label.rpartition(", ") if has_unit else (label, "", "")
@@ -146,7 +151,7 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the power of ten of the prefix that brings the largest finite value between 1 and
     1000, 0 for units without prefix, and the text of the unit with this prefix."""
     text = unit.replace("^2", "²").replace("^3", "³")
-    first = unit.split("/")[0]
+    first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     if first not in PREFIXED or largest == 0.0:
         return 0, text
@@ -169,7 +174,8 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def _is_geometric(values: np.ndarray) -> bool:
-    """Return whether successive sorted values have equal ratios and unequal differences."""
+    """Return whether at least three distinct values, sorted, have equal ratios and unequal
+    differences."""
     distinct = np.unique(values)
     if len(distinct) < 3:
         return False

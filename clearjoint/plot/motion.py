@@ -1,4 +1,8 @@
-"""Draw motions of bodies, and curves over the angle of a shaft, for several runs in one figure."""
+"""Draw motions of bodies, and curves over the angle of a shaft, for several runs in one figure.
+
+In all functions, `window` is the start and the end of the drawn time, s, by default all times;
+`axes` are the axes to draw on, by default new ones.
+"""
 
 from collections.abc import Mapping
 
@@ -115,6 +119,7 @@ def path(
     """
     axes = axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)
+    # Not strict, since `lines` yields styles without end.
     for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
         in_window = inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
@@ -132,7 +137,7 @@ def over_angle(
     shaft: str = "crank",
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw curves over the angle of a shaft.
+    """Draw curves over the angle of a shaft, such as forces over the angle of a crank.
 
     **Arguments:**
 
@@ -141,14 +146,15 @@ def over_angle(
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
 
-    **Returns:** the axes; angle in degrees, ticks at quarter turns.
+    **Returns:** the axes; angle in degrees, ticks at quarter turns, from the first to the last
+    angle of the last curve.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
     """
     axes = axes_or_new(axes)
     draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    for angles, _ in curves.values():
+    for angles, _ in curves.values():  # the last curve determines the limits
         axes.set_xlim(np.degrees(angles[0]), np.degrees(angles[-1]))
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
     return dress(axes, f"{shaft} angle, °", quantity)

@@ -1,4 +1,7 @@
-"""Look up contacts, reactions and bodies of an observation by name."""
+"""Look up contacts, reactions and bodies of an observation by name, and merge equal curves.
+
+An `Observation` has contact forces, reactions and accelerations at N observed times.
+"""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -13,33 +16,42 @@ from ..simulation.results.observation import ContactObservation, Observation
 T = TypeVar("T")
 ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
 """Two curves count as equal if they differ at each point by at most the first number times the
-value there plus the second number times the largest value of all curves."""
+value there plus the second number times the largest value of all curves: less than a line's
+width."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Return the observations of all contacts of a joint, by the contacts' labels."""
+    """Return the observations of all contacts of a joint, by the contacts' labels, such as "V".
+
+    **Raises:** `ValueError` for the name of a joint without contacts.
+    """
     return named("joint", joint, observation.contacts)
 
 
 def require_contacts(observation: Observation) -> None:
-    """Raise `ValueError` if an observation has no contacts."""
+    """Raise `ValueError` if an observation has no contacts that could be drawn."""
     names, remedy = list(observation.contacts), "give a joint some clearance"
     require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
 
 
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
-    """Return the observation of one contact of a joint."""
+    """Return the observation of one contact of a joint.
+
+    **Raises:** `ValueError` for an unknown joint or label.
+    """
     return named("contact", label, contacts(observation, joint))
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return the first index of each interval in which a mask (N,) is true, and the one after its
-    last, (M, 2)."""
+    """Return the M intervals in which a mask (N,) is true: (M, 2), the first index of each and the
+    index after its last one."""
+    # The padded mask changes at both ends of each interval, also of one at an end of the mask.
     return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Merge equal curves: both bases of a journal, for example, move alike in planar motion.
+    """Merge equal curves, so that none hides another: the two end circles of a journal, its bases
+    V and W, have the same motion and forces in planar motion.
 
     **Arguments:** `curves`: arrays of one shape, by label.
 
@@ -65,9 +77,10 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry of a dictionary with a name.
+    """Return the entry of a dictionary with a name that the user gave.
 
-    **Raises:** `ValueError` that lists the known names.
+    **Raises:** `ValueError` for an unknown name. It says that `argument`, the name of the user's
+    argument, must be one of the keys of `family`.
     """
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))

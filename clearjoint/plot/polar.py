@@ -1,4 +1,8 @@
-"""Polar bars around a bearing: directions of contact, and wear."""
+"""Draw polar bars and curves around a bearing: directions of contact, and wear.
+
+Bars are in equal sectors of the angle about the bearing's axis. The bases V and W are the two end
+circles of the journal. `axes` are polar axes to draw on, by default new ones.
+"""
 
 from typing import Literal
 
@@ -20,6 +24,7 @@ from .style import BLUE, DARK, LIGHT, VERMILLION, legend_above, polar_or_new
 from .sweeps import require_names
 
 Weight = Literal["impulse", "force"]
+"""Quantity that the length of a bar of `contact_rose` shows."""
 BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
@@ -36,17 +41,23 @@ def contact_rose(
     section: CrossSection | None = None,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Draw the directions and strength of a journal's contacts as polar bars.
+    """Draw in which directions, and how strongly, a journal touches its bearing, as polar bars.
+
+    The direction of a contact is that from the bearing's axis to the centre of a base. The length
+    of a bar is the impulse or the largest force of the contacts with a direction in its sector.
 
     **Arguments:**
 
-    - `observation`: along every accepted step, or at instants that resolve the impacts.
+    - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
+      impacts.
     - `joint`: name of the clearance joint.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base in each sector. Bases with equal
       forces share their bars, which show the sum of the impulses, or the force of one base.
     - `sectors`: number of sectors; the first one begins at the horizontal direction.
-    - `section`: horizontal and vertical direction; see `eccentricity_vectors`.
+    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
+      label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
+      bearing's frame.
     - `axes`: polar axes.
 
     **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
@@ -69,6 +80,7 @@ def contact_rose(
     if weight == "force":
         _bars(distinct, ("largest normal force", "N"), False, axes)
     else:
+        # Two bases with equal impulses share one bar, whose length is twice that impulse.
         shared = len(weights) / len(distinct)
         summed = {label: shared * sizes for label, sizes in distinct.items()}
         _bars(summed, ("impulse", "N s"), True, axes)
@@ -102,15 +114,18 @@ def _weights(
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
-    """Draw the worn volumes around a bearing's wall as polar bars, with base W stacked on base V.
+    """Draw the volumes that one run of a sweep wears off a bearing's wall, as polar bars.
+
+    Bars of base W are stacked on those of base V.
 
     **Arguments:**
 
-    - `lane`: one lane of `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `output`: name of the `ArchardWear`.
+    - `lane`: one lane of a data set from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
+      the worn volume in each sector of the wall.
     - `axes`: polar axes.
 
-    **Returns:** the axes; angle from the x of the bearing's frame, volumes in mm³ or µm³.
+    **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³ or µm³.
 
     **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
 
@@ -137,11 +152,12 @@ def worn_profile(
     axes: Axes | None = None,
 ) -> PolarAxes:
     """Draw the depth that wear has removed around a part of a joint, after growing numbers of
-    cycles.
+    cycles of the motion.
 
     **Arguments:**
 
     - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
+    - `part`: "bearing", whose wall is drawn, or "journal".
     - `curves`: number of curves, evenly spaced over the cycles, the last one black.
     - `axes`: polar axes.
 
@@ -163,11 +179,12 @@ def worn_profile(
     depths = found[f"{part}_depth"].sel(joint=joint).values
     cycles, angles = found["cycles"].values, found["angle"].values
     factor, unit = _fitting(depths, "m")
-    closed = np.append(angles, angles[0] + 2.0 * np.pi)
-    wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]
+    closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins
+    wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without zero cycles
     for k, number in enumerate(wanted):
+        # `depths` is (stage, angle): the depth at each angle is interpolated between the stages.
         curve = [np.interp(number, cycles, depth) for depth in depths.T]
-        shade = str(0.75 * (1.0 - (k + 1) / curves))
+        shade = str(0.75 * (1.0 - (k + 1) / curves))  # grey value, from light to 0, black
         label = f"{number:.3g} cycles"
         axes.plot(closed, factor * np.append(curve, curve[0]), color=shade, label=label)
     axes.set_ylim(bottom=0.0)
@@ -182,7 +199,8 @@ def worn_profile(
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
     """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
 
-    **Arguments:** `name`: the variables of `lane` are "<name> 1", "<name> 2" and so on.
+    **Arguments:** `name`: name of the base's variables in `lane` without the number of the sector:
+    they are "<name> 1", "<name> 2" and so on.
 
     **Raises:** `ValueError` for a dataset with several lanes.
     """
@@ -199,9 +217,11 @@ def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
 def _bars(
     weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
 ) -> None:
-    """Draw a bar for each sector and base, `stacked` or in front of each other, and their scale.
+    """Draw a bar for each sector and base, and their radial scale.
 
-    **Arguments:** `weights`: (sectors,) by label of the base; `quantity`: name and SI unit.
+    **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
+    `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
+    the ends of the other's, instead of all at the centre.
     """
     sectors = len(next(iter(weights.values())))
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
@@ -214,7 +234,7 @@ def _bars(
         heights = sizes * factor
         axes.bar(middles, heights, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
         bottom = bottom + heights if stacked else bottom
-    top = 1.08 * factor * tops.max(initial=0.0)
+    top = 1.08 * factor * tops.max(initial=0.0)  # with some space above the longest bar
     if top > 0.0:
         axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
@@ -227,14 +247,20 @@ def _bars(
 
 
 def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
-    """Return the angle, degrees, midway between two grid lines, around which bars are smallest."""
+    """Return the angle, degrees, at which the numbers of the radial scale cover least of the bars.
+
+    It is one of the eight angles midway between the grid lines at every 45°: the one around which
+    the bars are shortest.
+
+    **Arguments:** `middles`: (N,) rad, angles of the bars; `tops`: (N,) their lengths.
+    """
     angles = 22.5 + 45.0 * np.arange(8)
     distance = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
     return float(angles[np.argmin(np.where(np.abs(distance) < 22.5, tops, 0.0).sum(axis=1))])
 
 
 def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
-    """Return the labels of the angular ticks of polar axes, in degrees.
+    """Return the labels of the angular ticks of polar axes, such as "45°".
 
     The labels of 0° and 90° also contain the names of these directions, `right` and `up`, such as
     "x, 0°" and "y, 90°".
@@ -245,15 +271,18 @@ def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return a factor to a suitable unit, and the name of this unit.
+    """Return the factor from the SI unit `unit` to a unit that suits the largest of `values`, and
+    the name of that unit.
 
-    Volumes, given in m^3, are shown in mm³, µm³ or a power of ten of µm³.
+    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten: below 1e-3 mm³,
+    volumes are shown in µm³ or in a power of ten of µm³.
     """
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)
-    if largest >= 1e-12:
+    if largest >= 1e-12:  # 1e-3 mm³
         return 1e9, "mm³"
+    # The multiple of 3 that brings the largest volume between 1 and 1000 of the unit.
     power = max(3 * int(np.floor(np.log10(max(largest, 1e-18) * 1e18) / 3)), 0)
     exponent = str(power).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return 10.0 ** (18 - power), "µm³" if power == 0 else f"10{exponent} µm³"

@@ -1,4 +1,8 @@
-"""Report of a run on one page."""
+"""Report of a run on one page.
+
+The page consists of rows: a description of the scene and the run, the paths of the journals, forces
+over time, energies with a spectrum, and a table of impacts. Each row is a matplotlib `SubFigure`.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -32,36 +36,42 @@ from .style import GREY, draw_lines, dress
 from .time_series import is_even, labelled, series, spectrum_of, trajectory_of
 
 MOST_ORBITS = 2
+"""Largest number of journals whose paths are drawn."""
 WIDTH = 7.4
 """Width between the margins of the page, inches."""
 LETTER = 0.066
 """Width of a letter in a table, inches; a little more than that of bold text."""
 LINE_LENGTH = 125
-"""Characters in a line of the page."""
+"""Largest number of characters in a line of the page."""
 TITLE = 26
-"""Characters of a name in the title of a panel."""
+"""Largest number of characters of a name in the title of a figure."""
 LINE = 0.145
 """Height of a line of text, inches."""
 THINNER = 0.6
 """Line widths on the page relative to those of single figures."""
 MANY = 5000
-"""Points from which on a curve is rasterised in a PDF."""
+"""Number of points above which a curve is rasterised in a PDF."""
 SMALL_MOTION = 0.02
 """Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
 the mechanism."""
 NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
+"""Text in the place of a spectrum."""
 JOINT_POSITIONS = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
+"""Left ends of the columns of the table of joints, as fractions of the page's width."""
 IMPACT_POSITIONS = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
+"""The same for the table of impacts."""
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 SUFFIXES = (".png", ".pdf")
+"""Suffixes of the files that can be written."""
 MOST_JOINTS, MOST_IMPACTS = 8, 8
 """Largest numbers of joints and impacts that the tables list."""
 TABLE_EXTRA_LINES = 2.6
 """Height of a table's head and of the gaps around the table, in lines of text."""
 MOTION_HEIGHT, FORCES_HEIGHT, CONTACT_HEIGHT, ENERGY_HEIGHT = 2.6, 2.4, 0.2, 2.5
-"""Heights of figures, inches, before they are stretched to fill the page: motion, forces with
-contact phases, addition to these for each contact, energies with the spectrum."""
+"""Heights of figures, inches, before they are stretched to fill the page: motion; forces, and below
+them phases of the motion; addition to the latter for each joint with contacts; energies with the
+spectrum."""
 TITLE_HEIGHT = 0.4
 """Height of the title, inches."""
 MARGIN = 0.4
@@ -69,7 +79,7 @@ MARGIN = 0.4
 DPI = 200
 """Pixels per inch of a PNG, and of rasterised curves in a PDF."""
 TITLE_LENGTH = 70
-"""Characters in a line of the title."""
+"""Largest number of characters in a line of the title."""
 
 
 def report(
@@ -82,8 +92,9 @@ def report(
     quantity: Quantity | None = None,
     unit: str | None = None,
 ) -> Figure:
-    """Draw a report of a run on one page: descriptions of scene and run, journal orbits, forces,
-    contact phases, energies, a spectrum, and the largest impacts.
+    """Draw a report of a run on one page: descriptions of scene and run, paths of the journals in
+    their bearings (orbits), contact forces, times of free flight, impact and lasting contact,
+    energies, the spectrum of one quantity, and the largest impacts.
 
     For a scene without clearance joints, paths of the bodies replace the orbits, and there are no
     contact forces.
@@ -96,9 +107,11 @@ def report(
       resolve impacts, and inside them (`Trajectory.between`), if these are saved.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `settings`: those of the run, for the description; by default those that the solution has.
-    - `quantity`, `unit`: quantity of the spectrum, see `plot.series`; by default the velocity
-      component of the last body's centre that changes most.
+    - `settings`: settings of the run, whose solver and tolerances the description names; by default
+      they are left out.
+    - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
+      one, see `plot.series`; by default the velocity component of the last body's centre that
+      changes most.
 
     **Returns:** the figure, of size A4.
 
@@ -123,6 +136,7 @@ def report(
         path = trajectory_of(solution, solution.saved or solution.steps)
         along = at_ends = observe(scene, solution, path)
     record = _record(scene, solution, quantity, unit)
+    # A page has small texts and thin lines; other figures keep matplotlib's settings.
     with rc_context():
         rc("font", size=7.0)
         rc("axes", titlesize=7.5, labelsize=7.0, linewidth=0.6)
@@ -142,7 +156,7 @@ def report(
 
 
 def _inside_margins(figure: Figure) -> SubFigure:
-    """Return the part of the page inside the margins."""
+    """Return the part of the page inside the margins, as a figure to draw in."""
     width, height = (length - 2.0 * MARGIN for length in PAGE)
     rows = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
     middle: SubFigure = rows[1, 0]
@@ -150,7 +164,13 @@ def _inside_margins(figure: Figure) -> SubFigure:
 
 
 class ObservedRun(NamedTuple):
-    """A dense `path` of states, the observation `along` it, and its part `at_ends` of steps."""
+    """Motion of a run at the instants at which it is drawn.
+
+    - `path`: states at the ends of the accepted steps and between them; for a run without recorded
+      steps, the saved states.
+    - `along`: observation of these states.
+    - `at_ends`: the part of `along` at the ends of steps, where the energy ledger is known.
+    """
 
     path: Trajectory
     along: Observation
@@ -172,7 +192,8 @@ class _Part(NamedTuple):
 
 
 def _heights(parts: list[_Part]) -> list[float]:
-    """Return the heights of the rows, inches, with figures stretched so that the page is full."""
+    """Return the heights of the rows, inches: those of tables, and those of figures times a common
+    factor with which the page is full."""
     tables = sum(part.height for part in parts if part.is_table)
     pictures = sum(part.height for part in parts if not part.is_table)
     stretch = (PAGE[1] - 2.0 * MARGIN - TITLE_HEIGHT - tables) / pictures
@@ -194,6 +215,7 @@ def _parts(
     """
     lines, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
     height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
+    # The functions draw later, when the heights of all rows are known.
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
     parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, run.path, run.along))]
     if run.along.contacts:
@@ -213,8 +235,10 @@ def _record(
     """Return the quantity of the spectrum over time.
 
     It is taken at the saved states, or at the ends of the steps if no states are saved. Without a
-    given quantity it is the component of the last body's velocity that changes most, or of its spin
-    if its centre has a constant velocity.
+    given quantity it is the component of the last body's velocity that changes most, or of its
+    angular velocity (spin) if its centre has a constant velocity.
+
+    **Returns:** array (N,) with the coordinate "time", s.
     """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
@@ -227,7 +251,11 @@ def _record(
 
 
 def _component(trajectory: Trajectory, vectors: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """Return the component of vectors (N, 3) that has the largest range, as a labelled array."""
+    """Return the component of vectors (N, 3) that has the largest range, as an array (N,) with the
+    coordinate "time", s.
+
+    **Arguments:** `name`: name of the vectors, to which "x", "y" or "z" is added; `unit`: SI unit.
+    """
     axis = int(np.argmax(np.ptp(vectors, axis=0)))
     name = f"{name} {'xyz'[axis]}"
     return labelled(np.asarray(trajectory.times), vectors[:, axis], name, unit)
@@ -256,17 +284,20 @@ def _table(
     positions: tuple[float, ...],
     first: float,
 ) -> None:
-    """Write a table from the line `first` on, with a rule below the head.
+    """Write a table with a rule below the head.
 
-    **Arguments:** `positions`: left ends of the columns, as fractions of the width.
+    **Arguments:** `head`: titles of the columns; `positions`: left ends of the columns, as
+    fractions of the width; `first`: line of the head, counted from the top of the axes.
     """
     axes.set_axis_off()
+    # Number of letters for which each column has space; longer texts are shortened.
     lengths = [int(WIDTH * width / LETTER) for width in np.diff([*positions, 1.0])]
     for position, cell in zip(positions, head, strict=True):
         _write(axes, position, first, cell, weight="bold")
     for line, row in enumerate(rows):
         for position, length, cell in zip(positions, lengths, row, strict=False):
             _write(axes, position, first + 1.3 + line, shown(cell, length))
+    # The rule is 1.1 lines below the top of the head, just above the first row at 1.3 lines.
     shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)
     transform = axes.transAxes + shift
     axes.plot([0, 1], [1, 1], color=GREY, linewidth=0.6, transform=transform, clip_on=False)
@@ -278,7 +309,7 @@ def _write(axes: Axes, position: float, line: float, text: str, weight: str = "n
     axes.annotate(
         text,
         (position, 1.0),
-        (0.0, -72.0 * LINE * line),
+        (0.0, -72.0 * LINE * line),  # an inch has 72 points
         xycoords="axes fraction",
         textcoords="offset points",
         va="top",
@@ -290,6 +321,8 @@ def _write(axes: Axes, position: float, line: float, text: str, weight: str = "n
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
     """Draw the orbits of the two journals with the largest forces, and the contact directions of
     the journal with the largest force; for a scene without journals, the paths of the bodies.
+
+    An orbit is the path of a journal in the cross-section of its bearing.
 
     **Arguments:** `path`: states along the run; `observed`: observation of the same states.
     """
@@ -305,6 +338,7 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
         _small(axes)
     axes = contact_rose(observed, hardest[0], axes=row.add_subplot(grid[-1], projection="polar"))
     axes.set_title(f"{shown(hardest[0], TITLE)}: directions")
+    # One legend below replaces those of the panels, whose entries are the same for all orbits.
     orbits, bars = (panel.get_legend_handles_labels() for panel in (row.axes[0], axes))
     names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
     handles = [*orbits[0], *bars[0]]
@@ -321,13 +355,14 @@ def _peak(observed: Observation, joint: str) -> float:
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres in the plane with the largest motion, or the spins over
-    time if the centres hardly move."""
+    """Draw the paths of the bodies' centres of mass in the coordinate plane with the largest
+    motion, or the magnitudes of the angular velocities over time if the centres hardly move."""
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)
     motion = max(np.ptp(path, axis=0).max() for path in paths.values())
     if motion > SMALL_MOTION * spread.max():
+        # The two coordinates with the largest extents, in the order x, y, z.
         right, up = sorted(np.argsort(-spread, kind="stable")[:2])
         curves = {name: (path[:, right], path[:, up]) for name, path in paths.items()}
         labels = f"{'XYZ'[right]} of the centres, m", f"{'XYZ'[up]}, m"
@@ -346,7 +381,9 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_over_time(row: SubFigure, observed: Observation) -> None:
-    """Draw the normal forces over time, and below them the contact phases."""
+    """Draw the normal forces over time, and below them when each joint is in free flight, in impact
+    or in lasting contact."""
+    # Relative heights: the lower axes have a row for each joint.
     heights = 1.6, 0.4 + 0.2 * len(observed.contacts)
     above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)
     if len(observed.contacts) == 1:
@@ -359,8 +396,8 @@ def draw_over_time(row: SubFigure, observed: Observation) -> None:
 
 
 def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
-    """Draw the energy ledger on the left, and on the right the amplitude spectrum of `record` (N,)
-    over "time", s."""
+    """Draw the energies and the error of their balance on the left, and on the right the amplitude
+    spectrum of `record` (N,) over "time", s."""
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
@@ -376,7 +413,8 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
 
 
 def _small(axes: Axes) -> None:
-    """Make lines thinner, and rasterise those of many points so that a PDF stays small."""
+    """Make the lines of axes thinner, for the small figures of the page, and rasterise those of
+    many points so that a PDF file stays small."""
     for line in axes.get_lines():
         line.set_linewidth(THINNER * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > MANY)

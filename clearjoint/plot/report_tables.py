@@ -20,6 +20,7 @@ PLAYS = ("clearance", "play", "backlash")
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
 """Symbols of the numbers of a contact or friction law that the table shows, by field name."""
 JOINT_COLUMNS = ("joint", "kind", "bodies", "play", "normal law", "friction")
+"""Titles of the columns of the table of joints."""
 IMPACT_COLUMNS = (
     "joint",
     "contact",
@@ -30,18 +31,19 @@ IMPACT_COLUMNS = (
     "peak force, N",
     "penetration, µm",
 )
-
+"""Titles of the columns of the table of impacts."""
 
 ALIKE, ALIKE_AT_ONCE = 1e-3, 8
-"""Two impacts count as equal if their onsets differ by at most the first number times the duration
-and their peak forces by the first number, relatively. The second is the number of latest impacts
-with which each impact is compared."""
+"""Two impacts count as equal if their onsets differ by at most the first number times the duration,
+and their peak forces by at most the first number times the force. The second number is that of the
+latest groups of equal impacts with which each impact is compared."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return at most `most` rows, with the texts of `JOINT_COLUMNS`, one for each joint.
+    """Return the rows of the table of joints, at most `most`, with the texts of `JOINT_COLUMNS`.
 
-    Joints with contacts come first. If there are too many joints, the last row is "3 more", say.
+    Joints with contacts come first. If there are more joints than rows, the last row tells how many
+    are left out, such as "3 more".
     """
     joints = sorted(
         scene.joints.items(), key=lambda item: not isinstance(item[1], AbstractContactJoint)
@@ -55,6 +57,7 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
     head = name, type(joint).__name__, " – ".join(joint.body_names())
     if not isinstance(joint, AbstractContactJoint):
         return head
+    # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
     laws = dict.fromkeys(_law(law) for law in joint.laws().values())
     friction = getattr(joint, "friction", None)
     frictions = [friction] if friction is not None else joint.bristle_laws().values()
@@ -75,7 +78,8 @@ def _law(law: object) -> str:
 
 
 def _play(joint: AbstractContactJoint) -> str:
-    """Return the joint's clearance or play with unit, such as "0.5 mm", "yes" if unknown."""
+    """Return the joint's clearance or play with its unit, such as "0.5 mm"; "yes" if the joint has
+    no field of one of these names that is a single number with a unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     texts = []
     for name in PLAYS:
@@ -87,8 +91,11 @@ def _play(joint: AbstractContactJoint) -> str:
 
 
 def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
-    """Return the lines that describe the scene, the run, its steps, its equations, and its
-    redundant constraints if there are any."""
+    """Return the lines of text that describe the scene, the run, its steps, its equations, and its
+    redundant constraints if there are any.
+
+    **Arguments:** `settings`: settings of the run, None to leave its solver and tolerances out.
+    """
     gravity = scene.gravity
     counts = {"joint": len(scene.joints), "force": len(scene.forces)}
     parts = [_counted(number, name) for name, number in counts.items()]
@@ -138,13 +145,14 @@ def _impacts(impacts: Impacts | None) -> str:
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
-    """Return the `most` impacts with the largest peak forces, in descending order, as rows with
-    the texts of `IMPACT_COLUMNS`.
+    """Return the rows of the table of impacts, with the texts of `IMPACT_COLUMNS`.
 
-    Equal simultaneous impacts of several contacts of a joint, such as both bases in planar motion,
-    share a row.
+    The rows are the `most` impacts with the largest peak forces, in descending order. Equal
+    simultaneous impacts of several contacts of a joint, such as both ends of a journal in planar
+    motion, share a row.
     """
     groups = _alike(impacts)
+    # Factor from the SI unit to that of the column, and format, for each column with a number.
     order = sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]
     columns = {
         "onset": (1e3, ".4f"),
@@ -168,9 +176,13 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _alike(impacts: Impacts) -> dict[int, list[str]]:
-    """Return the groups of equal simultaneous impacts: labels of their contacts, by the row of the
-    group's first impact in the table."""
+    """Group the equal simultaneous impacts of a joint's contacts.
+
+    **Returns:** for each group, the labels of the contacts, by the index of the group's first
+    impact in `impacts`.
+    """
     groups: dict[int, list[str]] = {}
+    # In the order of the onsets, an impact can only belong to one of the latest groups.
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [
             j

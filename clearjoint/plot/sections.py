@@ -1,4 +1,8 @@
-"""Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams)."""
+"""Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams).
+
+A section records quantities, its channels, at each upward zero crossing of another quantity.
+`axes` are the axes to draw on, by default new ones.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -19,8 +23,10 @@ from .style import BLUE, DARK, LIGHT, axes_or_new, dress, legend_above
 from .sweeps import is_successful, mark_failed, only_axis, require_names
 
 SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+"""Colours of the crossings by their numbers."""
 UNLIKE = 20.0
-"""Ratio of the largest values of two channels up to which their axes have equal scales."""
+"""Ratio of the largest values of two channels up to which their axes have equal scales. For more
+different ones, the points would lie on a line."""
 
 
 def poincare_map(
@@ -112,9 +118,10 @@ def poincare_section_of_lane(
     **Arguments:**
 
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `section`: name of the `Section`.
+    - `section`: name under which the `Section` was passed to `Saving`.
     - `channels`: names of the section's channels that are drawn to the right and upwards.
-    - `after`, `clearance`: see `plot.poincare_section`.
+    - `after`: time, s; earlier crossings are omitted. `clearance`: radius of a circle to draw, m,
+      see `plot.poincare_section`.
 
     **Returns:** the axes, see `plot.poincare_section`.
 
@@ -133,6 +140,7 @@ def poincare_section_of_lane(
     require_names(lane, (*names, f"{section}_count", f"{section}_time"))
     count = lane[f"{section}_count"]
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
     units = [lane[name].attrs.get("units", "1") for name in names]
     times, *values = (lane[name].values[recorded] for name in (f"{section}_time", *names))
@@ -148,13 +156,16 @@ def section_points(
     clearance: float | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw two channels of section crossings.
+    """Draw two channels of section crossings as points.
 
     **Arguments:**
 
     - `times`: (N,) s, of the crossings. `values`: two arrays (N,) in SI units.
     - `channels`, `units`: names and SI units of the two channels.
     - `after`, `clearance`, `axes`: see `poincare_section`.
+
+    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if no
+    crossing is later than `after`.
     """
     times, lengths = np.asarray(times), set(units) == {"m"}
     kept = np.full(len(times), True) if after is None else times >= after
@@ -164,6 +175,8 @@ def section_points(
     require(clearance is None or lengths, "clearance", clearance, expected, "leave it out")
     rows = [np.asarray(row)[kept] for row in values]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
+    # Channels of the same unit and a similar size get the same prefix and the same scale, as both
+    # components of a vector should; with a circle they must, whatever their sizes.
     largest = max(*sizes, 0.0 if clearance is None else clearance)
     similar = units[0] == units[1] and largest <= UNLIKE * min(sizes)
     same = similar or clearance is not None
@@ -197,20 +210,23 @@ def bifurcation(
 ) -> Axes:
     """Draw a bifurcation diagram: a quantity at the section crossings over a swept parameter.
 
-    Each dot is a crossing. A periodic motion gives a few curves, a chaotic one a cloud. Lanes that
-    failed or have not run yet are crosses at the lower edge of the axes.
+    Each dot is a crossing. Parameters with periodic motions have few different dots, which form
+    curves; those with chaotic motions have a cloud. Lanes that failed or have not run yet are
+    crosses at the lower edge of the axes.
 
     **Arguments:**
 
     - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
       each axis that is not drawn.
-    - `section`: name of the `Section`. `channel`: name of the section's channel to draw.
+    - `section`: name under which the `Section` was passed to `Saving`. `channel`: name of the
+      section's channel to draw.
     - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
-    - `number`: whether colours show the numbers of the crossings, from 1 on, for motions that do
-      not repeat.
+    - `number`: whether colours show the numbers of the crossings, from 1 on, such as for a motion
+      that decays.
 
-    **Returns:** the axes. An axis is logarithmic if its largest value exceeds 12 times its smallest
-    one.
+    **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
+    exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
+    series.
 
     **Raises:** `ValueError` for unknown names.
 
@@ -227,7 +243,7 @@ def bifurcation(
     require_names(dataset, (variable, axis))
     axes = axes_or_new(axes)
     succeeded = is_successful(dataset)
-    crossings = f"{section}_number"
+    crossings = f"{section}_number"  # the dimension of the data set along the crossings of a lane
     recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, crossings)
     x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")

@@ -1,4 +1,4 @@
-"""Colours, line styles, sizes and helpers for all figures."""
+"""Colours and line styles of all figures, and functions that give figures the same look."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -16,7 +16,7 @@ BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, ORANGE = "#56B4E9", "#E69F00"
 DARK, LIGHT, GREY = "#16324F", "#BBDDF2", "#8C8C8C"
 Dashes = str | tuple[int, tuple[int, ...]]
-"""A line style of matplotlib."""
+"""A line style of matplotlib: its symbol, or an offset and the lengths of dashes and gaps."""
 LINES: tuple[tuple[str, Dashes], ...] = (
     (BLUE, "-"),
     (VERMILLION, "--"),
@@ -29,7 +29,7 @@ LINES: tuple[tuple[str, Dashes], ...] = (
 SIZE = (6.4, 4.0)
 """Width and height of a new figure, inches."""
 TimeSpan = tuple[float, float]
-"""Start and end of the shown time, s."""
+"""Start and end of the drawn time, s."""
 
 
 def lines() -> Iterator[tuple[str, Dashes]]:
@@ -52,7 +52,7 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
 
 
 def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> PolarAxes:
-    """Return polar axes with grid lines at every 45°.
+    """Return `axes`, or new polar axes, with grid lines at every 45°.
 
     **Arguments:** `axes`: polar axes to use, new ones by default; `size`: width and height of a new
     figure, inches.
@@ -72,8 +72,8 @@ def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> P
 
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
-    """Write the texts `x` and `y` at the axes, add a faint grid behind the curves, remove the upper
-    and right frame, and return `axes`."""
+    """Give axes the common look of figures, and return them: the texts `x` and `y` as labels, a
+    faint grid behind the curves, and no frame above and on the right."""
     axes.set_xlabel(broken(x))
     axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
@@ -134,8 +134,8 @@ def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
 
 
 def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Return a mask (N,) that is true for the times (N,) in the closed window, or for all times if
-    `window` is None."""
+    """Return a mask (N,) that is true for those of the times (N,) that lie in the window or at its
+    ends, or for all times if `window` is None. Times and window have the same unit."""
     if window is None:
         return np.full(np.shape(times), True)
     return (times >= window[0]) & (times <= window[1])

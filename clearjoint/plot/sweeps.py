@@ -1,4 +1,8 @@
-"""Draw outputs of a sweep over one or two of its parameters."""
+"""Draw outputs of a sweep over one or two of its parameters.
+
+A data set of a sweep has an output, such as a peak force, for each lane. Its axes are the swept
+parameters, which are coordinates of the data set.
+"""
 
 import numpy as np
 import xarray as xr
@@ -12,20 +16,28 @@ from .style import VERMILLION, axes_or_new, dress, inside, legend_above, next_co
 
 
 def is_successful(dataset: xr.Dataset) -> xr.DataArray:
-    """Return whether each lane ran to its end, as an array with the axes of the sweep."""
+    """Return whether each lane ran to its end, as an array with the axes of the sweep.
+
+    It is false for lanes that failed or have not run yet.
+    """
+    # The meanings of the numbers are attributes by the CF conventions of netCDF files.
     attributes = dataset["result"].attrs
     codes = dict(zip(attributes["flag_meanings"].split(), attributes["flag_values"], strict=True))
     return dataset["result"] == codes["successful"]
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """Return an output as an array whose dimensions are the axes `along`, in this order; NaN where
-    a lane failed or has not run yet.
+    """Return an output as an array along given axes of a sweep, NaN where a lane failed or has not
+    run yet.
+
+    **Arguments:** `variable`: name of the output; `along`: names of the axes, in the order of the
+    array's dimensions.
 
     **Raises:** `ValueError` for an unknown output or axis, and for an output whose dimensions are
     not exactly these axes.
     """
     require_names(dataset, (variable, *along))
+    # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
     require(
         sorted(map(str, dataset[variable].dims)) == sorted(map(str, dims)),
@@ -40,7 +52,7 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     """Return `axis`, or for None the name of the sweep's only axis.
 
-    **Raises:** `ValueError` for None and a sweep with several axes.
+    **Raises:** `ValueError` for None if the sweep has several axes.
     """
     if axis is not None:
         return axis
@@ -67,7 +79,7 @@ def mark_failed(
     if missing.size:
         axes.plot(
             missing,
-            np.full(missing.shape, 0.02),
+            np.full(missing.shape, 0.02),  # a fraction of the height of the axes
             "x",
             color=colour,
             transform=axes.get_xaxis_transform(),
@@ -102,7 +114,8 @@ def against(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw an output of a sweep over a swept parameter, as a point for each lane.
+    """Draw an output of a sweep, such as a peak force, over a swept parameter, as a point for each
+    lane.
 
     Lanes that failed or have not run yet are crosses at the lower edge of the axes.
 
@@ -119,8 +132,9 @@ def against(
     - `axes`: axes to draw on, such as those of an earlier call, whose units are then used; new ones
       by default.
 
-    **Returns:** the axes. An axis is logarithmic if its largest value exceeds 12 times its smallest
-    one, or if the values of the parameter form a geometric series.
+    **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
+    exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
+    series.
 
     **Raises:** `ValueError` for unknown names, for an output that is not one number for each value
     of the parameter, and for axes with another unit.
@@ -140,7 +154,7 @@ def against(
         color=colour,
         markersize=4,
         markeredgewidth=0,
-        alpha=1.0 if median is None else 0.45,
+        alpha=1.0 if median is None else 0.45,  # the line of medians is seen over faint points
         label=label,
     )
     if median is not None:
@@ -178,6 +192,7 @@ def running_median(
     count = int(known.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
     order = np.argsort(positions[known], kind="stable")
+    # The view has the shape (n - width + 1, width): a row for each group.
     x, y = (
         np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
         for column in (positions, values)
@@ -186,6 +201,7 @@ def running_median(
 
 
 MISSING = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
+"""Style of the cells of a map whose lane failed or has not run yet."""
 
 
 def parameter_map(
@@ -202,8 +218,9 @@ def parameter_map(
     - `variable`: name of the output.
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
 
-    **Returns:** the axes. Colours and axes are logarithmic if the largest value exceeds 12 times
-    the smallest one; axes also if the values of the parameter form a geometric series.
+    **Returns:** the axes. Colours and axes are logarithmic if all values are positive and the
+    largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
+    geometric series.
 
     **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
     pair of values.
@@ -224,8 +241,9 @@ def parameter_map(
     bar = axes.figure.colorbar(mesh, ax=axes, label=label)
     if suits_logarithm(values):
         tick_logarithm(bar.ax.yaxis, values)
+    # Cells without a number are transparent: the background is seen there.
     axes.patch.set(**MISSING)
-    missing = int((values != values).sum())
+    missing = int((values != values).sum())  # NaN differs from itself
     if missing:
         patch = Patch(label=f"failed or pending: {missing}")
         patch.set(**MISSING)
@@ -252,15 +270,16 @@ def convergence(
     """Draw an output, such as an error, over a parameter that tends to zero, and the rate p of its
     convergence.
 
-    A line shows the power law C a^p of the parameter a that fits the output's logarithms best; the
-    legend gives p.
+    Lanes that failed or have not run yet are crosses at the lower edge of the axes. A line shows
+    the power law C a^p of the parameter a that fits the logarithms of the positive outputs best, by
+    least squares; the legend gives p.
 
     **Arguments:**
 
     - `dataset`, `variable`, `axis`: see `against`.
     - `within`: smallest and largest parameter of the lanes that are fitted, in the unit of the data
-      set; by default all lanes are.
-    - `label`: text of the legend before the rate.
+      set; by default all lanes are fitted.
+    - `label`: text of the legend before the rate; by default the legend has only the rate.
     - `colour`: colour of the points; by default one that the axes do not have yet.
     - `axes`: axes to draw on, such as those of an earlier call; new ones by default.
 
@@ -277,6 +296,7 @@ def convergence(
     y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
     used = inside(dataset[axis].values, within)
     rate, factor = _power_law(x.values[used], y.values[used])
+    # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
     text = text if label is None else f"{label}: {text}"
     axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
@@ -294,9 +314,11 @@ def power_law_exponent(
     """Return the exponent p of the power law C a^p that fits an output of a sweep over its
     parameter a, by least squares of logarithms.
 
-    **Arguments:** see `convergence`.
+    **Arguments:** `variable`: name of the output; `axis`: name of the parameter, by default the
+    only axis of the sweep; `within`: smallest and largest parameter of the lanes that are fitted,
+    by default all are.
 
-    **Raises:** `ValueError` for fewer than two positive values.
+    **Raises:** `ValueError` for unknown names, and for fewer than two positive values.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500
@@ -308,8 +330,8 @@ def power_law_exponent(
 
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return exponent p and factor C of the power law C x^p that fits the positive ones of the
-    values `y` (N,) over `x` (N,)."""
+    """Return exponent p and factor C of the power law C x^p that fits the logarithms of `y` (N,)
+    over those of `x` (N,) best, at the points where both are positive."""
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

@@ -1,4 +1,7 @@
-"""Evaluate quantities along a solution, and draw their phase portraits and amplitude spectra."""
+"""Evaluate quantities along a solution, and draw their phase portraits and amplitude spectra.
+
+A quantity is a scalar function of the state of the mechanism at an instant, such as a position.
+"""
 
 import re
 from collections.abc import Callable
@@ -33,8 +36,8 @@ def series(
     - `solution`: from `cj.simulate` with `save`, so that states are saved.
     - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
     - `unit`: SI unit of the values, for a quantity that does not declare its unit.
-    - `trajectory`: N states at which the quantity is evaluated; by default the saved states.
-      `solution.steps` are those of every accepted step.
+    - `trajectory`: N states at which the quantity is evaluated; by default the saved states. Pass
+      `solution.steps` for the state after every accepted step.
 
     **Returns:** array (N,) with the coordinate "time", s; its name is that of the quantity, its
     unit is in ``attrs["units"]``.
@@ -64,8 +67,9 @@ def rate_series(
 ) -> xr.DataArray:
     """Return the time derivative of a quantity at the saved states of a solution.
 
-    Positions change with the velocities, and velocities with the accelerations that the equations
-    of motion give at each state. The quantity must be a function of positions, velocities and time.
+    No differences of values are taken: the derivative follows from the velocities of each state,
+    and from the accelerations that the equations of motion give for it. The quantity must be a
+    function of positions, velocities and time.
 
     **Arguments**, **Raises:** see `series`.
 
@@ -97,8 +101,11 @@ def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajecto
 
 
 def name_of(quantity: Callable[..., object]) -> str:
-    """Return the name of a quantity for labels, such as "position of ball x": the words of its
-    class's name, and the texts among its fields."""
+    """Return the name of a quantity for labels, such as "position of ball x".
+
+    It consists of the words of its class's name, and the texts among its fields. A function has its
+    own name, and a lambda the name "quantity".
+    """
     kind = getattr(quantity, "__name__", type(quantity).__name__)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
     if not isinstance(quantity, AbstractQuantity):
@@ -129,7 +136,8 @@ def _over_seconds(unit: str) -> str:
 
 
 def labelled(times: np.ndarray, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """Return values (N,) in an SI unit over times (N,), s, as an array with a name."""
+    """Return values (N,) at times (N,), s, as an array with a name, an SI unit in
+    ``attrs["units"]``, and the coordinate "time"."""
     coordinate = xr.DataArray(times, dims="time", attrs={"units": "s"})
     return xr.DataArray(values, {"time": coordinate}, ("time",), name=name, attrs={"units": unit})
 
@@ -150,8 +158,9 @@ def phase_portrait(
     **Arguments:**
 
     - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
-    - `quantity`: function of positions, such as an angle, a position or a penetration. Its time
-      derivative follows from the equations of motion.
+    - `quantity`: function of positions, such as an angle, a position or a penetration.
+    - `window`: start and end of the drawn time, s; by default all times.
+    - `axes`: axes to draw on, new ones by default.
 
     **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
     Angles continue beyond a full turn.
@@ -162,7 +171,7 @@ def phase_portrait(
     """
     values = series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     rates = rate_series(scene, solution, quantity, unit=unit, trajectory=trajectory)
-    period = getattr(quantity, "period", None)
+    period = getattr(quantity, "period", None)  # after which an angle begins again
     if period is not None:
         values = values.copy(data=np.unwrap(values.values, period=period))
     axes = axes_or_new(axes, (5.6, 4.4))
@@ -178,12 +187,13 @@ def phase_portrait(
 
 
 DECADES = 8.0
-"""A spectrum shows amplitudes down to this many powers of ten below the largest one."""
+"""A spectrum shows amplitudes down to this many powers of ten below the largest one. Smaller ones
+are rounding errors, or leak from the largest one."""
 FEWEST = 4
-"""Smallest number of samples for a spectrum."""
+"""Smallest number of samples for a spectrum, which then has two frequencies."""
 UNEVEN = 1e-6
-"""Intervals between samples count as equal if none differs by more than this fraction of their
-mean."""
+"""Intervals between samples count as equal if the largest and the smallest differ by no more than
+this fraction of their mean. It allows for the rounding of times."""
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
@@ -223,9 +233,12 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     frequency, power = signal.periodogram(
         values, rate, taper, detrend="constant", scaling="spectrum"
     )
-    sides = np.full(len(power), 2.0)  # amplitude² / power; the Nyquist frequency has one side
+    # A harmonic of amplitude A has the mean square A² / 2. At the Nyquist frequency, which only an
+    # even number of samples has, it is A², because the samples are A and -A in turn.
+    sides = np.full(len(power), 2.0)
     if len(values) % 2 == 0:
         sides[-1] = 1.0
+    # The first frequency is zero, at which nothing is left without the mean.
     coordinate = xr.DataArray(frequency[1:], dims="frequency", attrs={"units": "Hz"})
     where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", "1")}
     amplitude = np.sqrt(sides * power)[1:]
@@ -233,7 +246,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 
 def is_even(intervals: np.ndarray) -> bool:
-    """Return whether N samples with the intervals (N - 1,), s, are equally spaced, with N >= 4."""
+    """Return whether a spectrum of N samples is possible: the `intervals` (N - 1,), s, between them
+    are equal, and N is at least 4."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
@@ -292,10 +306,11 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     factor, unit = fitting_unit(frequencies, "Hz")
     axes.plot(frequencies * factor, y.values, color=BLUE, linewidth=0.9)
     times = record["time"].values
-    half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])
+    half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])  # the Nyquist frequency, Hz
+    # Rounding keeps a tick at the end, which rounding errors could put outside of the axis.
     axes.set_xlim(0.0, float(f"{half_rate * factor:.9g}"))
     largest = y.values.max(initial=0.0)
-    if largest > 0.0:
+    if largest > 0.0:  # a constant record has no amplitudes to show on a logarithmic axis
         axes.set_yscale("log")
         axes.set_ylim(max(0.5 * y.values.min(), largest * 10.0**-DECADES), 2.0 * largest)
     title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"

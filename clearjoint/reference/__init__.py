@@ -1,4 +1,4 @@
 """Reference pages of all public names, generated from docstrings by pdoc.
 
-`python -m clearjoint.reference` writes them; it needs the extra `reference`.
+``python -m clearjoint.reference`` writes them; it needs ``pip install "clearjoint[reference]"``.
 """

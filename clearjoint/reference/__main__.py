@@ -1,4 +1,4 @@
-"""``python -m clearjoint.reference`` writes the reference pages."""
+"""Write the reference pages of all public names as HTML files."""
 
 import argparse
 import importlib
@@ -30,10 +30,12 @@ MODULES = (
     ".simulation.step.presets",
     ".testing",
 )
+"""Documented modules, each on a page, without the prefix "clearjoint"."""
 
 
 def main() -> None:
-    """Write the pages and print the path of the first one."""
+    """Write the pages into the folder that the command line names, and print the path of the first
+    one."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
@@ -50,6 +52,7 @@ def main() -> None:
             if not name.startswith("_") and not isinstance(value, types.ModuleType)
         ]
         pages[module.__name__] = pdoc.doc.Module(module)
+    # The page of the package ends with the list of changes.
     package = pages["clearjoint"]
     changes = Path(clearjoint.__file__).with_name("CHANGELOG.md").read_text(encoding="utf-8")
     package.docstring = f"{package.docstring}\n\n{changes}"

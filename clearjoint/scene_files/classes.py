@@ -35,9 +35,13 @@ from ..quantities.base import AbstractQuantity, Quantity
 from .locations import FileLocation, listed
 
 PACKAGE = __name__.split(".")[0]
+"""Name of this package."""
 MAIN = "__main__"
+"""Module of the classes that a script defines."""
 REQUIRED = inspect.Parameter.empty
+"""Default of an argument that has no default."""
 Classes: TypeAlias = Collection[type]
+"""User-defined classes that a file may name."""
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
 file contains the arguments of a maker."""
@@ -48,7 +52,10 @@ an object, by class."""
 
 @dataclass(frozen=True)
 class Expectation:
-    """Values that an argument of a constructor, or an entry of a table or list, may have.
+    """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
+
+    They are derived from the annotation of the argument, and from the unit and shape of the field
+    with its name.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
@@ -77,6 +84,7 @@ class Expectation:
 
 
 ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
+"""Expectation of an argument without annotation."""
 
 
 def require_classes(given: Classes) -> None:
@@ -95,7 +103,7 @@ def class_name(kind: type) -> str:
 
 
 def is_from_package(kind: type) -> bool:
-    """Return whether a class belongs to the package."""
+    """Return whether a class belongs to this package, instead of a user."""
     return kind.__module__.split(".")[0] == PACKAGE
 
 
@@ -114,6 +122,7 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     user-defined classes that the caller passes.
     """
     included = filter(is_from_package, _subclasses(AbstractReadable))
+    # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*given, *included)}
     named |= {class_name(kind): kind for kind in given}
     found: dict[str, Maker] = {}
@@ -125,6 +134,7 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
 
 
 def _subclasses(kind: type) -> Iterator[type]:
+    """Yield all direct and indirect subclasses of a class."""
     for subclass in kind.__subclasses__():
         yield subclass
         yield from _subclasses(subclass)
@@ -165,6 +175,7 @@ def find_maker(
     """
     known = makers(families, given)
     expected = f"one of {listed(known)}"
+    # The errors below distinguish the mistakes, since each has another remedy.
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
     module, _, short = name.rpartition(":")
@@ -186,6 +197,7 @@ def arguments(make: Maker) -> dict[str, Expectation]:
     """Return the values that each argument of a maker may have, by the argument's name."""
     make = CHECKED.get(make, make)
     kind = make if isinstance(make, type) else _hints(make)["return"]
+    # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
     return {
@@ -199,7 +211,10 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
-    """Return the expectation with the unit and shape that a field's metadata declare."""
+    """Return the expectation with the unit and shape of a field that `quantity` declares.
+
+    **Arguments:** `metadata`: metadata of the field; without a unit, the expectation is unchanged.
+    """
     if "unit" not in metadata:
         return expected
     shape = getattr(metadata.get("declared"), "shape", None)
@@ -228,13 +243,16 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object) -> Expectation:
-    """Return the values that an annotation allows. ``Annotated[float, "s"]`` declares a number with
-    the unit s."""
+    """Return the values that the annotation of an argument allows.
+
+    Examples are ``float``, ``Float[np.ndarray, "3"]``, ``Body | None``, ``Literal["a", "b"]`` and
+    ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
+    """
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         unit = next((note for note in inner[1:] if isinstance(note, str)), None)
         return replace(expectation(inner[0]), unit=unit)
-    if annotation == Quantity:
+    if annotation == Quantity:  # also any function, which a file can't contain
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
@@ -256,9 +274,10 @@ def expectation(annotation: object) -> Expectation:
         return Expectation(options=annotation.__members__)
     if inspect.isclass(annotation) and is_dataclass(annotation):
         return Expectation(classes=(annotation,))
-    if annotation is Any or isinstance(annotation, str | TypeVar):
+    if annotation is Any or isinstance(annotation, str | TypeVar):  # a text that was not resolved
         return ANYTHING
-    # The shape is known for a number, and for an array whose annotation fixes all sizes.
+    # The rest are numbers, texts, flags, and arrays of jaxtyping, which have `dims`. The shape is
+    # known for a number, and for an array whose annotation fixes all sizes.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
     known = tuple(size for size in sizes if isinstance(size, int))
     has_shape = annotation in (int, float) or len(known) == len(sizes)

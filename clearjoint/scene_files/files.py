@@ -23,9 +23,11 @@ from .schema import scene_schema
 from .writing import Writer
 
 ARRAYS = np.ndarray | np.generic | jax.Array
+"""Types of arrays and of single numbers of NumPy and JAX."""
 FORMAT = 1
 """The version of the file format."""
 VERSION, STATE = "format", "state"
+"""Keys of the version of the format, and of the state."""
 MOST_ASSEMBLED = 50
 """Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
 20 bodies takes 20 s, and the time grows faster than the number of bodies."""
@@ -62,6 +64,8 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     document[STATE] = writer.table(state, location.at(STATE))
     schema_path = path.with_suffix(".schema.json")
     text = format_document(document, suffix, writer.units, schema_path.name if schema else None)
+    # Read the text and compare it with the scene: a class may change its arguments, or take others
+    # than its fields, and its objects would then not be restored.
     with quiet():
         read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
     for one, other, at in zip((scene, state), read, (location, location.at(STATE)), strict=True):
@@ -154,12 +158,14 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
     **Arguments:** `location`: location of both objects in the file.
     """
+    # Arrays of both libraries, and all kinds of dictionaries, may have the same content. All other
+    # objects differ if their types do.
     are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
     are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
     if not (are_arrays or are_tables or type(one) is type(other)):
         return location
     entries, others = _entries(one), _entries(other)
-    if not (entries or others):
+    if not (entries or others):  # two values without parts, or two empty containers
         bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (one, other))]
         by_bits = are_arrays or isinstance(one, float)
         return None if (bits[0] == bits[1] if by_bits else one == other) else location
@@ -170,6 +176,8 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
 
 def _entries(node: object) -> dict:
+    """Return the parts of an object by key: the entries of a dictionary or a list, or the fields of
+    a dataclass; empty for a value without parts, such as a number."""
     if isinstance(node, Mapping):
         return dict(node)
     if isinstance(node, tuple | list):
@@ -197,6 +205,7 @@ def scene_of_document(
     if remedy:
         location.at(VERSION).refuse(version, f"a whole number from 1 to {FORMAT}", remedy)
     reader = Reader(classes)
+    # All other keys of the file are arguments of `Scene`.
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
     given, state_location = document.get(STATE, {}), location.at(STATE)
     if not isinstance(given, dict):

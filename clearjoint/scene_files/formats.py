@@ -1,4 +1,7 @@
-"""Parse and format the text of TOML and JSON files."""
+"""Parse and format the text of TOML and JSON files.
+
+The limits on sizes and depths stop files that would exhaust time or memory.
+"""
 
 import json
 import re
@@ -14,9 +17,11 @@ from jaxtyping import PyTree
 from .locations import FileLocation, Keys, Source
 
 Document: TypeAlias = dict[str, object]
+"""Content of a file, as parsed: nested dictionaries (tables), lists, numbers and texts."""
 Units: TypeAlias = Mapping[Keys, str]
 """Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
 SUFFIXES = ".toml", ".json"
+"""Suffixes of the files that can be read and written."""
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
 LONGEST_LINE = 12
@@ -27,7 +32,7 @@ DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}
 """A dotted key with at least `DEEPEST` dots. It is refused before tomllib reads the text, since
 tomllib's time grows with the square of the key's length."""
 LARGEST = 200_000_000
-"""Largest size of a file, bytes."""
+"""Largest size of a file that is read, bytes."""
 
 
 def suffix_of(path: Path) -> str:
@@ -68,6 +73,7 @@ def parse(text: str, suffix: str, file: str) -> Document:
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
     """
+    # None stands for content that is nested too deeply.
     try:
         if suffix == ".toml" and DEEP_KEY.search(text):
             content = None
@@ -78,6 +84,7 @@ def parse(text: str, suffix: str, file: str) -> Document:
     except RecursionError:
         content = None
     except ValueError as error:
+        # Python's message about a number with too many digits ends with advice for programmers.
         reason = str(error).split("; use sys.", maxsplit=1)[0]
         raise ValueError(f"{file}: {reason}; correct the {suffix[1:].upper()}.") from error
     if content is None or (isinstance(content, dict | list) and _is_deep(content)):
@@ -101,6 +108,11 @@ def _is_deep(content: dict | list) -> bool:
 
 
 def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
+    """Return the table of an object in a JSON file, given as pairs of a key and a value.
+
+    **Raises:** `ValueError` for a key that occurs twice, of which `json` would silently take the
+    last value; TOML forbids it.
+    """
     table = dict(pairs)
     if len(table) < len(pairs):
         names = [name for name, _ in pairs]
@@ -112,8 +124,8 @@ def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
     """Return the text of a file with the given tables; TOML has the units in comments.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the values; `schema`: name of the
-    JSON Schema file to which the text refers for editors, or None.
+    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the values, by the keys that lead
+    to them; `schema`: name of the JSON Schema file to which the text refers for editors, or None.
     """
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}

@@ -12,11 +12,13 @@ from ..fields.checks import require
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
 KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
-"""One key of a written path, bare or in quotation marks, which may be in brackets."""
+"""One key of a written path, without or with quotation marks, which may be in brackets. A written
+path names a location by a text such as "joints.pin.clearance"."""
 LONGEST = 60
 """Largest number of characters of a value that an error message shows."""
 LONGEST_SOURCE = 100_000
-"""Error messages name lines of TOML files with at most this number of characters."""
+"""Error messages name lines of TOML files with at most this number of characters. Lines of longer
+files would take too long to find, by parsing parts of the file again and again."""
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -54,7 +56,10 @@ def written(keys: Keys) -> str:
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
     """Return the first of the given keys, up to the last one that exists in nested tables and
-    lists. Indices of lists are returned as integers."""
+    lists: the part of a path that can be followed. Indices of lists are returned as integers.
+
+    **Arguments:** `content`: the tables; `keys`: keys of tables and indices of lists.
+    """
     found: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -74,7 +79,7 @@ class Source:
     - `changes`: changes that the command line makes, such as "joints.pin.clearance=2mm", by the
       keys of the changed value.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; lines are found in TOML only.
+    **Arguments:** `text`: the text; `suffix`: ".toml" or ".json"; lines are found in TOML only.
     """
 
     def __init__(self, text: str, suffix: str):
@@ -92,7 +97,7 @@ class Source:
                 return f" with --set {self.changes[keys[:depth]]}"
         if not self._is_toml or len(self._text) > LONGEST_SOURCE:
             return ""
-        keys = existing(tomllib.loads(self._text), keys)
+        keys = existing(tomllib.loads(self._text), keys)  # a missing key: the table around it
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
@@ -144,13 +149,14 @@ class FileLocation:
         return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
-        """Raise a `ValueError` that names this location, the value found there, what was expected,
-        and what to do."""
+        """Raise a `ValueError` that names this location, the `value` found there, what was
+        `expected`, and the `remedy`: what the user can do."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
     @contextmanager
     def in_errors(self) -> Iterator[None]:
-        """Return a context in which messages of `ValueError` begin with this location."""
+        """Return a context in which messages of `ValueError` begin with this location, for errors
+        of functions that know nothing of the file."""
         try:
             yield
         except ValueError as error:

@@ -1,4 +1,8 @@
-"""Make objects from the tables of a file, whose entries are the arguments of constructors."""
+"""Make objects from the tables of a file, whose entries are the arguments of constructors.
+
+A table such as ``{kind = "Log"}`` names its class under "kind". If an argument can only be an
+object of one class, its table need not name the class.
+"""
 
 import math
 import re
@@ -71,6 +75,7 @@ class Reader:
         **Raises:** `ValueError` if the content is not as expected.
         """
         value = self._item(content, expected, location)
+        # A tuple may have objects as entries; other tuples are rows of numbers.
         rows = value if isinstance(value, tuple) else ()
         is_number = isinstance(value, int | float | tuple) and not any(map(is_dataclass, rows))
         if not expected.is_array or not is_number:
@@ -80,6 +85,7 @@ class Reader:
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
         """Convert a value as `value` does, but return arrays as numbers or tuples of numbers."""
+        # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):
             location.refuse(content, f"one of {listed(options)}", "write one of these")
@@ -95,6 +101,7 @@ class Reader:
         if isinstance(content, float) and math.isnan(content):
             location.refuse(content, "a number", "replace it: no value may be NaN")
         if isinstance(content, bool) and not expected.is_flag:
+            # Where an object is expected, its class decides on true and false.
             if expected.shapes or not expected.classes:
                 simple = "a text" if expected.is_text else "a number"
                 location.refuse(content, simple, "true and false are neither numbers nor texts")
@@ -107,7 +114,11 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
-        """Convert a table to an object, to Euler parameters, or to a dictionary."""
+        """Convert a table to an object, to Euler parameters, or to a dictionary.
+
+        A table whose keys are names becomes a dictionary. Otherwise its class is the one that it
+        names, or the only one that is allowed; an axis and an angle become Euler parameters.
+        """
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
@@ -145,7 +156,7 @@ class Reader:
         **Raises:** `ValueError` for unknown and missing arguments, and for wrong values.
         """
         known = arguments(make)
-        given = {}
+        given = {}  # arguments as Python values
         for name, item in content.items():
             if name == KIND:
                 continue
@@ -170,7 +181,8 @@ class Reader:
         try:
             made = CHECKED.get(make, make)(**given)
         except (ValueError, TypeError) as error:
-            # The message names an argument as "Argument `joints['pin'].first` must be ...".
+            # The message names an argument as "Argument `joints['pin'].first` must be ...". These
+            # keys lead from the table to the location of the wrong value.
             named = re.match(r"Argument `([^`]+)`", str(error))
             keys = existing(content, split(named[1] if named else ""))
             raise ValueError(f"{location.at(*keys)}: {error}") from error
@@ -190,7 +202,8 @@ def _is_plain(item: object) -> bool:
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return the value of a text: an expected option, the text itself, a number or None."""
+    """Return the value of a text in a file: that of an option, the text itself where texts are
+    expected, None for "none", or else the number of a text such as "0.3 mm"."""
     options = expected.options or {}
     if content in options:
         return options[content]
@@ -220,7 +233,7 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")
     digits, written = matched[1], matched[2].strip()
     number = float(digits)
-    if math.isinf(number) and "inf" not in digits:
+    if math.isinf(number) and "inf" not in digits:  # 1e999, say
         location.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
     if not written:
         return number

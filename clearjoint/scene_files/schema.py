@@ -1,4 +1,8 @@
-"""Make the JSON Schema of scene files, with which editors complete and check them."""
+"""Make the JSON Schema of scene files, with which editors complete and check them.
+
+A table of a file contains the arguments of a class, so that the schema follows from the classes.
+Each class has a definition, to which the schemas of arguments refer by its name.
+"""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -19,8 +23,11 @@ from .formats import SCHEMA
 from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
+"""A JSON Schema, or a part of one, as a dictionary."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+"""Version of JSON Schema."""
 NUMBER: Schema = {"type": ["number", "string"]}
+"""Schema of a number, which may be a text with a unit."""
 ROWS = "numbers"
 """Name of the definition, in the schema, of a number or of nested lists of numbers."""
 
@@ -77,7 +84,8 @@ class Catalogue:
         return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
-        """Return the schemas of the arguments of a class or of a static method, by name."""
+        """Return the schemas of the arguments of a class or of a static method, by name, with their
+        units as descriptions."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
@@ -85,6 +93,7 @@ class Catalogue:
         }
 
     def _value(self, expected: Expectation) -> Schema:
+        """Return the schema of the values that an argument may have."""
         if expected.is_anything:
             return {}
         if expected.options is not None:
@@ -103,7 +112,9 @@ class Catalogue:
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
         """Return references to the definitions of all classes and static methods whose objects
         have one of the given base classes. Definitions that are missing are added."""
+        # The class that a table has if it does not name one.
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
+        # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
             names.setdefault(make, []).append(name)
@@ -124,6 +135,7 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
+    """Return the schema of a table with the keys of `properties` only, and their schemas."""
     return {
         "type": "object",
         "properties": properties,
@@ -133,6 +145,7 @@ def _table(properties: Schema, required: list[str]) -> Schema:
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:
+    """Return the schema of a list, with a given number of entries or any."""
     size = {} if length is None else {"minItems": length, "maxItems": length}
     return {"type": "array", "items": item, **size}
 
@@ -152,7 +165,7 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
         for size in reversed(shape):
             schema = _list_of(schema, size)
         schemas.append(schema)
-        if shape == EULER_PARAMETERS:
+        if shape == EULER_PARAMETERS:  # a table with an axis and an angle may replace them
             entries = arguments(axis_and_angle)
             properties: Schema = {name: _numbers(entry.shapes) for name, entry in entries.items()}
             schemas.append(_table(properties, list(properties)))

@@ -1,4 +1,4 @@
-"""Load robots from URDF files, with play in given joints. yourdfpy parses the files.
+"""Load robots from URDF files, with play in given joints. The package yourdfpy parses the files.
 
 A link of URDF has a frame, and a joint of URDF gives the frame of its child link relative to the
 frame of its parent link. The frame of a body is parallel to the frame of its link, and its origin
@@ -49,13 +49,14 @@ OF_JOINTS = {
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
 """Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
 READ = {"link", "joint", "material"}
-"""Tags of elements that need no warning. Materials belong to the visual shapes."""
+"""Tags of XML elements that need no warning. Materials belong to the visual shapes."""
 HINGES = "revolute", "continuous"
+"""Types of joints with one axis of rotation, which may have play."""
 BACKLASH = "backlash"
 """Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
 WIND_UP = 0.1
-"""Deflection of a flank under the joint's effort limit as a fraction of the backlash, if no
-stiffness is given."""
+"""Deflection of a flank, at which the play ends, under the joint's effort limit, as a fraction of
+the backlash, if no stiffness is given: small compared with the play."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -71,8 +72,11 @@ LARGEST_FILE = 50_000_000
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of a joint in a URDF file: `lower` and `upper`, rad or m; `effort`, N m or N; and
-    `velocity`, rad/s or m/s. Limits that the file omits are infinite.
+    """Limits of a joint in a URDF file. Those that the file omits are infinite.
+
+    - `lower`, `upper`: smallest and largest position of the joint, rad or m.
+    - `effort`: largest torque or force, N m or N.
+    - `velocity`: largest speed, rad/s or m/s.
 
     >>> cj.results.JointLimits(effort=10.0).velocity
     inf
@@ -85,7 +89,8 @@ class JointLimits:
 
 
 def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
-    """Return the limits of the joints of a URDF file, by the joints' names.
+    """Return the limits of the joints of a URDF file, by the joints' names. Joints without limits
+    are left out.
 
     A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
     motion. The function needs ``pip install "clearjoint[urdf]"``.
@@ -144,8 +149,8 @@ def load_urdf(
           `FixedAxially()` by default.
         - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
           scene with a name such as "elbow backlash"; the joint stays. By default its
-          `torsional_stiffness` is such that the file's effort limit deflects a flank by a tenth of
-          the backlash.
+          `torsional_stiffness` is such that the joint's effort limit in the file deflects the
+          surfaces in contact (flanks) by a tenth of the backlash.
     - `gravity`: (3,) m/s^2, or ``None``.
 
     **Returns:** the scene, and its state at rest with all joints at zero.
@@ -161,7 +166,8 @@ def load_urdf(
     hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
     play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
     frames = _frames(robot, location)
-    children = {joint.child for joint in robot.joints}  # the root may be named "ground"
+    children = {joint.child for joint in robot.joints}
+    # The root, which may be named "ground", is no child, and not a body.
     bodies = {
         link.name: _body(link, location.at(link.name))
         for link in robot.links
@@ -198,7 +204,8 @@ def _not_carried_over(
 ) -> str:
     """Return a text that lists the contents of the file that the scene lacks, which may be empty.
 
-    **Arguments:** `tags`: tags of all elements of the robot.
+    **Arguments:** `frames`: frames of the links, by name; `tags`: tags of the XML elements of the
+    robot, those inside of links and joints not included.
     """
     omitted = {
         title: [element.name for element in elements if getattr(element, attribute)]
@@ -212,7 +219,11 @@ def _not_carried_over(
 
 
 def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
-    """Return the parsed robot, without meshes, and the tags of all its elements."""
+    """Return the parsed robot, without meshes, and the tags of its XML elements, those inside of
+    links and joints not included.
+
+    **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed.
+    """
     try:
         import yourdfpy
     except ImportError as error:
@@ -223,6 +234,7 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
         FileLocation(str(path)).refuse(f"{size} bytes", expected, "shorten the file")
     content = path.read_bytes()
     try:
+        # yourdfpy silently skips elements that it does not know; their tags are needed to warn.
         tags = [entry.tag for entry in ElementTree.fromstring(content)]
         parsed = yourdfpy.URDF.load(BytesIO(content), build_scene_graph=False, load_meshes=False)
     except (ElementTree.ParseError, KeyError, AttributeError, ValueError, TypeError) as error:
@@ -231,7 +243,11 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
 
 
 def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of a joint's play, with texts with units converted to SI numbers.
+    """Return the arguments of a joint's play, as `load_urdf` gets them, with texts with units
+    converted to SI numbers.
+
+    **Arguments:** `name`: name of the joint; `given`: its play; `hinges`: names of the joints that
+    can have play; `location`: the file.
 
     **Raises:** `ValueError` for a joint that can't have play and for an unknown argument.
     """
@@ -247,7 +263,7 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
     if kind is Backlash:
         known[BACKLASH] = expected["play"]
     for argument in given:
-        if argument not in known:
+        if argument not in known:  # then a backlash might have been meant
             known |= {BACKLASH: Expectation()}
             remedy = nearest(argument, known, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
@@ -261,7 +277,14 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
 def _backlash(
     joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, location: FileLocation
 ) -> Backlash:
-    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis."""
+    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis.
+
+    **Arguments:** `joint`, `hinge`: the joint of URDF, and the joint of the scene made from it;
+    `given`: arguments of the backlash, checked by `_checked`.
+
+    **Raises:** `ValueError` if neither a law nor a stiffness is given and the joint has no effort
+    limit.
+    """
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
@@ -307,13 +330,14 @@ def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]
     roots = [name for name in links if name not in joints]
     if len(roots) != 1:
         location.refuse(roots, "one root link that is no joint's child", "join the others to it")
+    # Joints of unknown links, and joints whose child is also the child of another joint.
     wrong = [j.name for j in robot.joints if not {j.parent, j.child} <= links.keys()]
     wrong += [joint.name for joint in robot.joints if joints[joint.child] is not joint]
     if wrong:
         location.refuse(wrong, "joints of a tree between known links", "correct their links")
     frames = {roots[0]: Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))}
     parents = {child: [joint.parent] for child, joint in joints.items()}
-    with location.in_errors():
+    with location.in_errors():  # an error for a cycle of joints
         parents_first = [*TopologicalSorter(parents).static_order()]
     for name in parents_first:
         if name in frames:
@@ -321,7 +345,7 @@ def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]
         joint, link = joints[name], links[name]
         parent, moved = frames[joint.parent], _transform(joint.origin)
         pose = parent.pose @ moved
-        if not _is_massless(link):
+        if not _is_massless(link):  # the link is a body of its own
             centre = _transform(link.inertial.origin)[:3, 3]  # pyright: ignore
             frames[name] = Frame(name, -centre, np.eye(3), pose)
             continue
@@ -348,6 +372,8 @@ def _body(link: "yourdfpy.Link", location: FileLocation) -> Body:
         location.refuse(None, "an <inertia>", "give the moments of inertia in kg m^2")
     rotation = _transform(inertial.origin)[:3, :3]
     tensor = rotation @ inertial.inertia @ rotation.T
+    # Three moments make a smaller program than a tensor. Rounding makes a rotated tensor slightly
+    # unsymmetric.
     is_principal = not np.any(tensor - np.diag(tensor.diagonal()))
     with location.in_errors():
         return Body(inertial.mass, tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T))
@@ -368,6 +394,8 @@ def _joint(
     parent, child = frames[joint.parent], frames[joint.child]
     if parent.body == child.body or joint.type == "floating":
         return None
+    # The frame of the joint, which is that of the child link, in the axes of the parent's body. The
+    # axis of the joint is given in this frame, so that it needs no rotation for the child.
     frame = _transform(joint.origin)
     rotation = parent.rotation @ frame[:3, :3]
     points = parent.origin + parent.rotation @ frame[:3, 3], child.origin

@@ -37,7 +37,7 @@ class Writer:
         kind = type(instance)
         if not is_from_package(kind):
             self.user_classes.add(kind)
-        if KIND in arguments(kind):
+        if KIND in arguments(kind):  # the key of a table that names its class
             remedy = "rename it: `kind` names classes"
             location.at(KIND).refuse(KIND, "another name of the argument", remedy)
         stored = {entry.name: getattr(instance, entry.name) for entry in fields(instance)}
@@ -56,7 +56,10 @@ class Writer:
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
-        """Return a value as a number, text, list or table, and add its unit to `units`."""
+        """Return a value as a number, text, list or table, and add its unit to `units`.
+
+        **Raises:** `ValueError` for a value that a file can't hold, such as a function or NaN.
+        """
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         self.units[location.keys] = expected.unit or "1"
@@ -90,4 +93,4 @@ class Writer:
             )
         if math.isnan(value):
             location.refuse(value, "a number", "replace it: NaN is not saved")
-        return value if math.isfinite(value) else str(value)
+        return value if math.isfinite(value) else str(value)  # JSON has no infinity

@@ -1,7 +1,8 @@
-"""Checks of user-defined laws and elements, for the tests of their authors.
+"""Checks of user-defined laws, joints and forces, for the tests of their authors.
 
 Each `check_...` function raises an `AssertionError` that states the first problem. `moving` makes
-motions of bodies for these checks. `native_seconds` measures the time to make native programs.
+motions of bodies for these checks. `native_seconds` returns the time that this process has spent to
+compile native programs.
 """
 
 from ..fields.readable import without_modules as _without_modules

@@ -1,4 +1,8 @@
-"""Check user-defined contact laws, friction laws and constraints."""
+"""Check user-defined contact laws, friction laws and constraints.
+
+A contact law gives the normal force at a depth (penetration), its rate, and the entry speed: the
+rate at the onset of the contact.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -30,7 +34,8 @@ ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
 """A jump of the force is a jump at the onset if its depth differs from the depth of the onset by at
-most this fraction of the onset offset, or of 1e-9 m if the offset is smaller."""
+most this fraction of the onset offset, or of 1e-9 m if the offset is smaller. The onset offset of a
+law is the width of the gap, m, at which its force begins; it is zero for most laws."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -42,11 +47,13 @@ SMOOTH = (
 """Points at which usual laws are smooth: penetration, m, penetration rate, m/s, and entry speed,
 m/s. There, derivatives are compared with finite differences."""
 STEP = 1e-6
-"""Step of finite differences, relative to the number that is changed."""
+"""Step of central differences, relative to the number that is changed. Their relative errors, the
+square of the step and rounding errors over the step, are about 1e-10."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force."""
+"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force, far
+above the errors of finite differences."""
 SINGLE = 9
-"""Number of points at which a function is also evaluated without `jax.vmap`."""
+"""Number of points at which a function is also evaluated without `jax.vmap`, which is slow."""
 
 Points: TypeAlias = Float[jax.Array, " N"]
 """Depths in m, rates or speeds in m/s, or forces in N at N points."""
@@ -137,6 +144,7 @@ def check_law(
     ensure(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
     outside = depth < -jnp.asarray(law.onset_offset())
     ensure(jnp.where(outside, forces, 0.0) == 0.0, "There is a force before onset_offset().")
+    # The power, W, of what the force has beyond the elastic one; the scale is for rounding errors.
     dissipation = (forces - jax.vmap(elastic)(depth)) * rate
     scale = 1e-9 * (1.0 + jnp.abs(forces * rate))
     ensure(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
@@ -147,6 +155,7 @@ def check_law(
     ensure_finite_slopes(force, law, depth=depth, rate=rate, entry_speed=entry)
     forces_at = jax.vmap(force, in_axes=(None, 0, 0, 0))
     _check_differences(forces_at, law)
+    # A contact that exists at the start of a run has no known entry speed, and no damping.
     if law.uses_entry_speed:
         depth, rate = _grid(DEPTHS, RATES)
         unknown = forces_at(law, depth, rate, jnp.full_like(depth, UNKNOWN_ENTRY_SPEED))
@@ -177,8 +186,9 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
     leaves, structure = jax.tree.flatten(numbers)
 
     def with_parameter(k: int, factor: Scalar) -> Points:
+        """Return the forces if the k-th parameter of the law is multiplied by a factor."""
         leaf = leaves[k]
-        # Zero times a factor would stay zero.
+        # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
         changed = jax.tree.unflatten(structure, [*leaves[:k], leaf, *leaves[k + 1 :]])
         return forces(eqx.combine(changed, rest), depth, rate, entry)
@@ -186,6 +196,7 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
     for k, (path, _) in enumerate(jax.tree_util.tree_leaves_with_path(numbers)):
         name = jax.tree_util.keystr(path).lstrip(".")
         scaled[f"`{name}`"] = partial(with_parameter, k)
+    # The derivative by the factor at 1 is the derivative by the number times the number.
     for name, forces_of in scaled.items():
         _, exact = jax.jvp(forces_of, (1.0,), (1.0,))
         numeric = (forces_of(1.0 + STEP) - forces_of(1.0 - STEP)) / (2.0 * STEP)
@@ -200,10 +211,12 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps at the onset or at separation only, and warn of such a jump.
+    """Check that the force jumps at the onset or at separation only, where the law must declare the
+    jump, and warn of such a jump.
 
     `forces` is as in `_check_differences`.
     """
+    # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, depths = jumps(lambda depth: forces(law, depth, rate, entry), left, right)
@@ -216,6 +229,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
         f"The force jumps by {inside[k]:.3g} N inside the contact, at a depth of {depths[k]:.3g} m "
         f"and a rate of {rate[k]:.3g} m/s, where no integration step ends: smooth it.",
     )
+    # The same between successive rates.
     depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
     fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
     by_rate, rates = jumps(lambda rate: forces(law, depth, rate, entry_of_rate), slow, fast)
@@ -272,7 +286,7 @@ def check_friction(friction: AbstractFriction) -> None:
     def force(law: AbstractFriction, x: Scalar, y: Scalar, z: Scalar) -> Scalar:
         return law.force(1.0, Vector(x, y, z)).x
 
-    zeros = jnp.zeros_like(speeds)
+    zeros = jnp.zeros_like(speeds)  # slips along x, and one in a general direction
     x, y, z = jnp.append(speeds, 0.3), jnp.append(zeros, -0.2), jnp.append(zeros, 0.1)
     ensure_finite_slopes(force, friction, slip_along_x=x, slip_along_y=y, slip_along_z=z)
 
@@ -280,8 +294,8 @@ def check_friction(friction: AbstractFriction) -> None:
 def check_bristles(friction: AbstractBristleFriction) -> None:
     """Check that a friction law with bristles is consistent.
 
-    The check evaluates the law for bristle deflections up to ten times the full deflection and
-    slips up to 1 m/s. It demands that
+    The check evaluates the law for bristle deflections up to ten times the full deflection, the
+    one in steady sliding, and slips up to 1 m/s. It demands that
 
     - the deflection is constant without slip, and shrinks in sliding if it is too large;
     - the stored energy is zero without deflection and never negative;
@@ -299,6 +313,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
     deflection, speed = (a.ravel() for a in jnp.meshgrid(ratios * full, speeds, indexing="ij"))
 
+    # Deflections are in a direction oblique to the slip, which is along x.
     def growth(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> Scalar:
         bristles = Vector(z * 0.6, z * 0.8, 0.0)
         return law.rate(bristles, Vector(v, 0.0, 0.0)).dot(bristles)
@@ -335,8 +350,12 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
 def check_constraint(
     constraint: AbstractConstraint, motions: dict[str, Motion], tolerance: float = 1e-6
 ) -> None:
-    """Check the constraint rows of a joint: Jacobian, time rate and bias agree with central
-    differences in time.
+    """Check that the constraint rows of an ideal joint agree with central differences in time.
+
+    A row is a scalar equation with a value, which is zero for a satisfied joint, its Jacobian by
+    the velocities of the bodies, and its time rate for bodies at rest. The value's rate must be the
+    Jacobian times the velocities plus the time rate, and the row's bias must be the rate of this
+    rate at constant velocities.
 
     **Arguments:**
 
@@ -354,7 +373,7 @@ def check_constraint(
     >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
     >>> testing.check_constraint(joint, motions)
     """
-    step = 1e-5
+    step = 1e-5  # s, at which the errors of central differences are well below the tolerance
     constraint = unpack(constraint)
     rows = constraint.rows(motions, 0.0)
     after, before = moved(motions, step), moved(motions, -step)
@@ -372,6 +391,7 @@ def check_constraint(
         # time derivative that accelerations do not cause.
         change = float(row_rate(ahead[label], after) - row_rate(behind[label], before))
         bias = change / (2 * step)
+        # The difference of two rates has larger rounding errors than that of two values.
         ensure(
             abs(bias - float(row.bias)) < 10 * tolerance * (1.0 + abs(bias)),
             f"Row {label!r}: the bias is not the rate of (Jacobian times velocities, plus time "

@@ -1,4 +1,8 @@
-"""Check user-defined joints with contacts."""
+"""Check user-defined joints with contacts.
+
+A contact of such a joint has a penetration (depth), m, and a normal, the direction of its force on
+the first body; or it transmits a couple instead of a force.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,7 +26,8 @@ terms."""
 STEP = 1e-6
 """Step of finite differences, relative to the number that is changed."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
-"""Largest accepted relative error of derivatives that are compared with finite differences."""
+"""Largest accepted relative error of derivatives that are compared with finite differences, far
+above the errors of these."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Penetration, m, and entry speed, m/s, of a tested contact."""
 
@@ -75,18 +80,20 @@ def check_contact_joint(
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
     laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
     ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
+    # `given` is the vector of all parameters of the joint and all numbers of the motions.
     numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
     given, restored = ravel_pytree((numbers, motions))
 
     def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
+        """Return the joint and the motions that a vector like `given` describes."""
         numbers, motions = restored(point)
         return eqx.combine(numbers, rest), motions
 
     @jax.jit
     @jax.vmap
     def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
-        """Return failed conditions, numbers of the contacts, and derivatives of these numbers along
-        a change of the point."""
+        """Return which conditions fail, the numbers of the contacts, and the derivatives of these
+        numbers if the point changes in the direction `change`."""
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
@@ -128,9 +135,11 @@ def _check_slopes(
     penetration by each parameter of the joint agrees with finite differences.
 
     **Arguments:** `label`: label of the contact; `numbers`: the joint with its parameters as
-    arrays; `rows`, `slopes`: for each request of `check_contact_joint`, the numbers of `_rows` and
-    their derivatives.
+    arrays; `rows`, `slopes`: for each of the five `requests` in `check_contact_joint`, the numbers
+    of `_rows` and their derivatives.
     """
+    # In the order of the requests: along the motion, by all numbers at once, by each parameter, and
+    # the latter with the parameter increased and decreased.
     _, everything, exact, _, _ = slopes
     finite = jnp.isfinite(everything).all()
     _require(finite, label, "a derivative of its forces is not finite everywhere")
@@ -145,6 +154,7 @@ def _check_slopes(
 
 
 def _require(condition: Condition, label: str, message: str) -> None:
+    """Raise an `AssertionError` about the contact `label` unless `condition` is true."""
     ensure(condition, f"Contact {label!r}: {message}.")
 
 
@@ -156,6 +166,7 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
     these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
+    # A shift of the second body along the normal increases the penetration by its length.
     for contact in scalar.contacts(motions).values():
         for depth in (0.0, PENETRATION):
             moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
@@ -181,7 +192,10 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """Return the contacts of a joint with their forces and energies, all as arrays."""
+    """Return the contacts of a joint with their forces and energies, all as arrays.
+
+    Forces are those at the entry speed `ENTRY_SPEED`; bristles have half of their full deflection.
+    """
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
@@ -197,10 +211,11 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Return whether each condition of `check_contact_joint` fails, by contact and by the message
-    for the failure.
+    """Return whether each condition of `check_contact_joint` on forces and power fails, by contact
+    and by the message for the failure.
 
-    **Arguments:** `contacts`: from `_contacts`; `rates`: time derivatives of all numbers in it.
+    **Arguments:** `motions`: motions of the bodies; `contacts`: from `_contacts` at these motions;
+    `rates`: time derivatives of all numbers in `contacts`.
     """
     first, second = (motions[name] for name in joint.pair())
     failures = {}
@@ -208,6 +223,7 @@ def _failures(
         contact, gap, normal = loaded.contact, loaded.contact.gap, loaded.contact.normal
         rate, power = rates[label][0].contact.gap.depth, rates[label][1]
         size = normal.dot(normal)
+        # In the middle of a bearing, the eccentricity has no direction: the normal may be zero.
         flies_centred = (size == 0.0) & (gap.depth < 0.0)
         failed = {
             "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
@@ -241,9 +257,15 @@ def _failures(
 
 
 def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
-    """Return the failures of the normal force and of friction of a contact without couples."""
+    """Return whether each condition on the normal force and on friction fails, by the message for
+    the failure, for a contact that transmits no couples.
+
+    **Arguments:** `first`, `second`: motions of the joint's bodies.
+    """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     on_first, on_second = contact.points_of_force(friction is not None)
+    # The line of action is common to both bodies if the points of the force are on a line along the
+    # force. The relative velocity along the normal is the rate of the penetration.
     apart = second.point(on_second) - first.point(on_first)
     velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
     failures = {
@@ -279,10 +301,10 @@ def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Return an array (15,) for each contact, by label.
+    """Return the numbers of each contact as an array (15,), by label.
 
-    Its elements are the penetration, m; normal force and elastic force, N; and the components of
-    friction, N, of the normal, and of the arms of the contact on both bodies, m.
+    They are the penetration, m; normal force and elastic force, N; and the components of friction,
+    N, of the normal, and of the contact points on both bodies from their centres of mass, m.
     """
     rows = {}
     for label, (loaded, _) in contacts.items():
@@ -296,7 +318,8 @@ def _rows(contacts: Contacts) -> Rows:
 
 
 def _velocities(motions: Motions) -> Motions:
-    """Return the time derivatives of the motions at constant velocities and spins."""
+    """Return the time derivatives of the motions at constant velocities and spins (angular
+    velocities), in the form of motions."""
     rates = {}
     for name, motion in motions.items():
         rows = motion.rotation.row_x, motion.rotation.row_y, motion.rotation.row_z

@@ -1,4 +1,4 @@
-"""Find jumps of scalar functions in intervals."""
+"""Find jumps of scalar functions in intervals, such as those of a force law over the depth."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from jaxtyping import Float
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece."""
+"""Number of bisections of each piece, after which its ends are adjacent floats."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
@@ -30,7 +30,8 @@ class Jumps(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Pieces of the intervals and the function's values at their ends; (pieces, N) each."""
+    """Left and right ends of the pieces of N intervals, and the function's values there; arrays
+    (pieces, N)."""
 
     left: jax.Array
     right: jax.Array
@@ -59,6 +60,7 @@ def jumps(
     start = _Piece(ends[:-1], ends[1:], values(ends[:-1]), values(ends[1:]))
 
     def bisect(k: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
+        """Halve all pieces; also return their change after half of the bisections."""
         piece, halfway = state
         change = jnp.abs(piece.value_right - piece.value_left)
         halfway = jnp.where(k == HALVINGS // 2, change, halfway)
@@ -77,5 +79,6 @@ def jumps(
     change = jnp.abs(high - low)
     is_jump = (change > ROUNDING * scale) & (change > STAYS * halfway)
     sizes = jnp.where(is_jump, high - low, 0.0)
+    # Of the pieces of each interval, the one with the largest jump.
     largest = jnp.argmax(jnp.abs(sizes), axis=0)[None]
     return Jumps(*(jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, positions)))

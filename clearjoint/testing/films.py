@@ -1,4 +1,9 @@
-"""Check user-defined film laws."""
+"""Check user-defined film laws, which give the force of the lubricant in a bearing.
+
+The offset of the journal is the vector from the bearing's axis to the journal's centre, divided by
+the radial clearance. Its rate, 1/s, is its time derivative in axes that rotate with half the sum of
+the spins of bearing and journal.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -13,17 +18,19 @@ from ..model.films import AbstractFilm, FilmGap
 from .continuity import jumps
 
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
-"""Tested offsets of the journal, in clearances."""
+"""Tested lengths of the offset."""
 SPEEDS = (0.0, 1e-6, 1.0, 300.0)
-"""Tested rates of the offset, in clearances per second."""
+"""Tested lengths of the rate, 1/s."""
 ANGLES = tuple(np.arange(12) * np.pi / 6.0)
 """Tested angles between the offset and its rate, rad."""
 SMOOTH = ((0.4, 0.0, 3.0, -7.0), (0.7, 0.0, -2.0, 5.0))
-"""States at which films are smooth: x and y of the offset, x and y of its rate."""
+"""States at which films are smooth: x and y of the offset, x and y of its rate, 1/s. There,
+derivatives are compared with finite differences."""
 STEP = 1e-6
-"""Step of finite differences, relative to the number that is changed."""
+"""Step of central differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to the largest derivative of the same force."""
+"""Largest accepted error of a derivative, relative to the largest derivative of the same component
+of the force. It is far above the errors of finite differences."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
 """Function of a film and a state (4,), the x and y of the journal's offset and of its rate; it
 returns the x and y of the force on the journal, (2,) N."""
@@ -37,8 +44,8 @@ def check_film(
 ) -> None:
     """Check that a film law is consistent.
 
-    The check evaluates the film for offsets of the journal from zero to 0.99 clearances and various
-    rates of the offset. It demands that
+    The check evaluates the film for offsets of the journal from the bearing's axis, from zero to
+    0.99 clearances, and various rates of the offset. It demands that
 
     - the film dissipates energy, and exerts no force without motion;
     - the force and its derivatives by offset, rate and parameters of the film are finite, even at
@@ -60,7 +67,7 @@ def check_film(
 
 
 def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message for each problem of a film.
+    """Yield a message for each problem of a film; `check_film` raises the first one.
 
     **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
     """
@@ -84,18 +91,22 @@ def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Arra
 
 
 def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
+    """Yield a message for each problem of the force: values that are not finite, power that the
+    film supplies, a force without motion, and dependence on `jax.vmap` or on the direction."""
     states = _states()
     forces_at, force_at = _at_all(force), eqx.filter_jit(force)
     forces, rates = forces_at(film, states), states[:, 2:]
     if not jnp.isfinite(forces).all():
         yield "The force is not finite everywhere."
-    power = (forces * rates).sum(axis=1)
+    power = (forces * rates).sum(axis=1)  # over the clearance, since rates are in 1/s
     size = jnp.linalg.norm(forces, axis=1)
+    # The factor 1e-9, here and below, is for rounding errors.
     if (power > 1e-9 * size * jnp.linalg.norm(rates, axis=1)).any():
         yield "The film supplies power: force . rate > 0."
     moves = (rates != 0.0).any(axis=1)
     if (size[~moves] != 0.0).any():
         yield "There is a force without motion."
+    # Single evaluations are slow: each 50th state.
     single = jnp.stack([force_at(film, state) for state in states[::50]])
     if not jnp.allclose(single, forces[::50]):
         yield "The force under vmap differs from a single evaluation."
@@ -105,7 +116,10 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _states() -> jax.Array:
-    """Return states (N, 4) with all combinations of `RATIOS`, `SPEEDS` and `ANGLES`."""
+    """Return states (N, 4) with all combinations of `RATIOS`, `SPEEDS` and `ANGLES`.
+
+    All are turned by 0.3 rad, so that offsets are not along x, where some mistakes are invisible.
+    """
     ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
     columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
     return _rotated(jnp.asarray(np.stack(columns, axis=1)), 0.3)
@@ -119,6 +133,10 @@ def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
+    """Yield a message if the drag torque on the journal is not finite or drives its spin.
+
+    **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
+    """
     spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
     gap = FilmGap(UNIT_Z, Vector(ratios, 0.0, 0.0), Vector(1.0, 2.0, 0.0), spins, *sizes)
     drag = jnp.asarray(film.drag(gap))
@@ -129,6 +147,8 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
+    """Yield a message if derivatives of the force by offset, rate or parameters are not finite, or
+    if those by offset and rate differ from central differences."""
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
     if not jnp.isfinite(slopes_at(film, states)).all():
@@ -137,7 +157,7 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
     if not all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(by_film)):
         yield "The derivative by a parameter of the film is not finite everywhere."
     for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
-        steps = STEP * state
+        steps = STEP * state  # one for each of the four numbers, which are changed one at a time
         ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
         error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
         if (error > TOLERANCE * jnp.abs(exact).max(axis=0)).any():

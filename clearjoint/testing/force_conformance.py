@@ -1,4 +1,4 @@
-"""Check user-defined force elements."""
+"""Check user-defined force elements, which act on bodies with wrenches: forces and moments."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,9 +15,10 @@ from .conformance import ensure
 from .moving_bodies import moved
 
 STEP = 1e-5
-"""Step of the central differences, s."""
+"""Step of the central differences of the stored energy, s, at which their errors are well below the
+default tolerance."""
 Wrenches = dict[str, Wrench]
-"""Force and moment on each body, by the body's name."""
+"""Force, N in global axes, and moment, N m in body axes, on each body, by the body's name."""
 
 
 def check_force(
@@ -29,7 +30,8 @@ def check_force(
 
     - forces and moments on the bodies add up to zero, if the element returns them for all of its
       bodies (those on the ground, which runs ignore, may be missing);
-    - the supplied power minus the power on the bodies is the rate of the stored energy;
+    - the power by which the element changes the scene's total energy (`supplied_power`) is the
+      power of its forces on the bodies plus the rate of its stored energy;
     - derivatives by motions and parameters are finite, even at rest;
     - `jax.vmap` gives the same result as a single evaluation.
 
@@ -63,14 +65,18 @@ def check_force(
 
 
 def _as_arrays(motion: Motion) -> Motion:
+    """Return a motion whose numbers are arrays of JAX, as derivatives and `jax.vmap` need them."""
     return jax.tree.map(on_device, motion)
 
 
 def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar) -> Wrenches:
+    """Return the wrenches of the force element on its bodies at a time, s."""
     return jax.tree.map(on_device, unpack(force).wrenches(motions, on_device(time)))
 
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
+    """Check that the forces on all bodies, and their moments about the global origin, add up to
+    zero."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)
@@ -79,6 +85,7 @@ def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance:
     levers = [_size(motions[name].position) for name in wrenches]
     for parts, lever, unit in ((forces, 0.0, "N"), (moments, max(levers), "N m")):
         left = _size(sum(parts[1:], parts[0]))
+        # Moments may be small differences of large ones, which have the rounding errors of these.
         scale = lever * max(_size(force) for force in forces)
         ensure(
             left <= tolerance * max(scale, *(_size(part) for part in parts)),
@@ -93,6 +100,8 @@ def _size(vector: Vector) -> float:
 def _check_power(
     force: AbstractForce, motions: Mapping[str, Motion], time: float, tolerance: float
 ) -> None:
+    """Check that the element's `supplied_power`, by which it changes the total energy, is the power
+    of its wrenches on the bodies plus the rate of its stored energy, all in W."""
     element = unpack(force)
 
     def stored(step: float) -> float:
@@ -101,6 +110,7 @@ def _check_power(
     rate = (stored(STEP) - stored(-STEP)) / (2.0 * STEP)
     wrenches = _wrenches(force, motions, time)
     power = sum(float(motions[name].power(wrench)) for name, wrench in wrenches.items())
+    # It changes the total energy of the scene: positive for a driver, negative for a damper.
     supplied = float(element.supplied_power(motions, on_device(time)))
     left = supplied - power - rate
     ensure(
@@ -111,6 +121,8 @@ def _check_power(
 
 
 def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
+    """Check that the derivatives of the wrenches by motions and parameters are finite, at the given
+    motions and at rest."""
     numbers, rest = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
 
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
@@ -118,6 +130,7 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
 
     for given in (motions, {name: _at_rest(motion) for name, motion in motions.items()}):
         point = numbers, given
+        # The derivative if all numbers change at once is not finite if one derivative is not.
         slopes = jax.jvp(wrenches, point, jax.tree.map(jnp.ones_like, point))[1]
         for slope in jax.tree.leaves(slopes):
             ensure(jnp.isfinite(slope), "A derivative of the force is not finite.")
@@ -128,6 +141,7 @@ def _at_rest(motion: Motion) -> Motion:
 
 
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
+    """Check that `jax.vmap` over two motions gives the same wrenches as single evaluations."""
     lanes = [motions, moved(motions, 0.1)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
     together = jax.vmap(lambda lane: _wrenches(force, lane, time))(stacked)

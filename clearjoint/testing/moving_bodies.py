@@ -34,7 +34,8 @@ def moving(
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
     """Return the motions of bodies, by name, `time` seconds later, if their velocities in global
-    axes and their spins in body axes stay constant."""
+    axes and their angular velocities (spins) in body axes stay constant. Checks compare time
+    derivatives with differences of such motions."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,
@@ -47,7 +48,8 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 
 
 def _exponential(angle: Vector) -> EulerParameters:
-    """Return the Euler parameters of a rotation by a vector `angle`, rad."""
-    size = jnp.sqrt(angle.dot(angle)) + 1e-300
+    """Return the Euler parameters of a rotation given by its rotation vector `angle`, rad: its
+    direction is the axis, its length the angle."""
+    size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
     scale = jnp.sin(0.5 * size) / size
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

@@ -1,4 +1,7 @@
-"""Measure the time in which native programs are made."""
+"""Sum the times that compiling native programs has taken.
+
+Native programs are machine code that is generated from JAX programs by way of LLVM.
+"""
 
 import gc
 
@@ -6,7 +9,9 @@ from ..native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time, s, that this process has spent to make its native programs.
+    """Return the processor time, s, that this process has spent to compile its native programs.
+
+    Programs that have been deleted do not count.
 
     **Returns:** seconds by stage: "tracing" by JAX, "lowering" of JAX's program to operations,
     "writing" of LLVM code, and "compiling" of this code.
@@ -14,6 +19,7 @@ def native_seconds() -> dict[str, float]:
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'tracing', 'writing']
     """
+    # There is no list of all programs.
     programs = [each for each in gc.get_objects() if isinstance(each, Code)]
     stages = ("tracing", "lowering", "writing", "compiling")
     return {stage: sum(program.seconds[stage] for program in programs) for stage in stages}

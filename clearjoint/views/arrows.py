@@ -1,4 +1,7 @@
-"""Draw arrows of forces, and colour journals by their contact."""
+"""Make the arrows of forces in a view, and colour journals by their contact.
+
+A view has N frames, each of which shows the mechanism at one instant.
+"""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -11,7 +14,8 @@ from .parts import FORCE, LOAD, DrawnPart, between
 from .sketching import SketchingPen
 
 LONGEST = 0.3
-"""Length of the longest arrow, as a fraction of the size of the mechanism."""
+"""Length of the longest arrow, as a fraction of the size of the mechanism, which is the diagonal of
+the box around it."""
 USUAL, FAR = 0.5, 5.0
 """The usual force is the quantile `USUAL` of all forces that are not zero. Lengths of arrows are
 proportional to the square root of forces if the largest force exceeds `FAR` times the usual force,
@@ -24,14 +28,15 @@ MODE_NAMES = {
     MotionMode.LINE_CONTACT: "contact along a line",
     MotionMode.OPPOSITE_SIDES: "contact at opposite sides",
 }
+"""Texts of the motion modes in a legend."""
 
 
 class Arrows(NamedTuple):
-    """Arrows of a view.
+    """Arrows of the forces in a view, and their scale.
 
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N.
-    - `cut`: force, N, above which all arrows have the same length; ``None`` if no force is larger.
+    - `cut`: force, N, above which all arrows have the same length; ``None`` if no force exceeds it.
     - `largest`: largest force, N.
     - `root`: whether lengths are proportional to the square root of forces.
     """
@@ -58,10 +63,13 @@ def arrows(
 
     **Arguments:**
 
-    - `pen`: the pen by which the scene has drawn itself.
+    - `pen`: the pen with which the scene has drawn itself; it has the journals as they are drawn,
+      and the loads.
     - `observation`: observation at the times of the frames, None without contact forces.
     - `size`: size of the mechanism, m. `bar`: radius of the bar by which a body is drawn, m.
-    - `scale`: length of an arrow divided by its force, m/N; None to choose it.
+    - `scale`: length of an arrow divided by its force, m/N; None to choose it, so that the arrow of
+      the largest force has the length `LONGEST` times `size`. For a given scale, longer arrows are
+      cut to this length.
     """
     contact_forces = {} if observation is None else _contact_forces(pen, observation)
     all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
@@ -72,19 +80,21 @@ def arrows(
     if scale is None:
         root = len(acting) > 0 and largest > FAR * float(np.quantile(acting, USUAL))
         scale = longest / largest if len(acting) else 1.0
-    longest *= 1.0 + 1e-9
+    longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
     cut = longest / scale if bool((sizes * scale > longest).any()) else None
     parts = []
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
             if np.any(forces):
                 norms = np.linalg.norm(forces, axis=1, keepdims=True)
+                # Both are the same for the largest force.
                 lengths = scale * (np.sqrt(norms * largest) if root else norms)
-                directions = forces / np.maximum(norms, 1e-300)
+                directions = forces / np.maximum(norms, 1e-300)  # zero for no force, not NaN
                 vectors = directions * np.minimum(lengths, longest)
                 starts = points - vectors if at_tip else points
                 poses = between(starts, starts + vectors, WIDTH * bar)
-                # Arrows without length shrink to a point.
+                # Arrows shorter than 1e-9 m, as in frames without force, shrink to a point in all
+                # directions: a disc would be seen otherwise.
                 hidden = np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9
                 poses = poses.copy()
                 poses[hidden, :3, :3] = 1e-9 * np.eye(3)
@@ -95,8 +105,13 @@ def arrows(
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return the contact point (N, 3), m, and the force on the second body (N, 3), N, in global
-    axes for each contact, by "joint label". Flanks, which transmit a couple, are left out."""
+    """Return where the contact forces act, and the forces on the second body of each joint.
+
+    Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
+
+    **Returns:** contact points (N, 3), m, and forces (N, 3), N, in global axes, by names such as
+    "pin V" for the contact "V" of the joint "pin".
+    """
     result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:
@@ -107,9 +122,11 @@ def _contact_forces(
             if contact.friction_force is not None:
                 force = force + np.asarray(contact.friction_force)
             point = np.asarray(contact.point_on_journal)
+            # Journals are drawn with enlarged eccentricities, so their points are elsewhere.
             if joint in pen.journals:
                 touching = pen.journals[joint].touching_point(label, normal)
                 point = point if touching is None else touching
+            # Without contact, the direction of the force may be undefined (NaN).
             result[f"{joint} {label}"] = point, np.nan_to_num(force)
     return result
 
@@ -117,12 +134,18 @@ def _contact_forces(
 def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
-    """Return the parts, in which journals and balls have the colours of their motion modes, and the
-    motion modes that occur, sorted by number.
+    """Give journals and balls the colours of their motion modes, which are free flight, contact at
+    one end, along a line, and at opposite sides.
 
-    A joint without observed motion modes has the mode 1 if one of its contacts touches, else 0.
+    A joint without observed motion modes, such as a ball in a socket, has the mode 1 (contact at
+    one end) if one of its contacts touches, else 0 (free flight).
+
+    **Arguments:** `observation`: observation at the times of the frames.
+
+    **Returns:** all parts; the motion modes that occur in any frame, sorted by number.
     """
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
+    # Only joints with a journal have observed modes.
     for name, family in observation.contacts.items():
         if name not in modes and family:
             touching = [np.asarray(contact.penetration) > 0.0 for contact in family.values()]

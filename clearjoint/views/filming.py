@@ -1,4 +1,8 @@
-"""Draw pictures and animations of a view by matplotlib."""
+"""Draw pictures and animations of a view by matplotlib.
+
+A view consists of solids (`DrawnPart`), each with a triangle mesh and a pose in every frame. They
+are projected on the picture, and their triangles are painted from back to front.
+"""
 
 import shutil
 from collections.abc import Sequence
@@ -27,11 +31,14 @@ SHADE = 0.45
 LEGEND_WIDTH = 0.28
 """Width of the legend relative to that of the figure."""
 LONGEST_EDGE = 0.3
-"""Longest edge of a triangle relative to half the height of the picture."""
+"""Longest edge of a triangle relative to half the height of the picture: large triangles can't be
+painted in a correct order, since one may be partly before and partly behind another."""
 TITLE = 24
 """Largest number of characters in a line of the title."""
 DPI = 100
+"""Pixels per inch of an animation; a still picture has twice as many."""
 FRAMES_PER_SECOND = 25
+"""Number of frames that an animation shows in a second."""
 
 
 class Film:
@@ -40,8 +47,9 @@ class Film:
     Triangles are drawn from the farthest to the nearest. Triangles that face away from the camera
     are omitted.
 
-    **Arguments:** `parts`: solids with a pose for each frame; `times`: times of the frames, (N,) s,
-    None for a single state; `size`: width and height of the figure, inches.
+    **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
+    of the picture's middle; `legend`: texts on the left of the picture; `times`: times of the
+    frames, (N,) s, None for a single state; `size`: width and height of the figure, inches.
     """
 
     def __init__(
@@ -57,6 +65,8 @@ class Film:
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=size, dpi=DPI)
+        # The legend is on the left, the picture on the right. The coordinates of the picture are m
+        # in the plane through the target, onto which the triangles are projected.
         self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
@@ -72,6 +82,7 @@ class Film:
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
+            # Corners (F, 3, 3), m: to the right, upwards and to the viewer, from the target.
             triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             sizes = np.linalg.norm(normals, axis=1)
@@ -122,6 +133,7 @@ class Film:
                 writer.grab_frame()
 
     def _describe(self, legend: Legend) -> None:
+        """Write the legend on the left of the picture: title and colours above, notes below."""
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
         ]
@@ -140,7 +152,8 @@ class Film:
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
     """Return a part whose triangles have edges of at most `longest`, m, so that they can be sorted
-    by their distance. A part that its pose stretches, such as an arrow, is returned unchanged."""
+    by their distance. A part that its pose stretches, such as an arrow, is returned unchanged,
+    since its edges have other lengths in each frame."""
     is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
     if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
@@ -151,7 +164,8 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 
 
 def _time(time: float, whole: float) -> str:
-    """Return the text of a time, s, with digits and a unit for a run of duration `whole`, s."""
+    """Return the text of a time, s, with the unit and the digits that suit a run of duration
+    `whole`, s: the last digit is at most a hundredth of the duration."""
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -1,4 +1,7 @@
-"""Make closed triangle meshes of simple solids. Lengths are in m."""
+"""Make closed triangle meshes of simple solids. Lengths are in m.
+
+A solid has its own axes x, y and z; a pose, a homogeneous matrix (4, 4), places it in space.
+"""
 
 import importlib
 from collections.abc import Sequence
@@ -15,8 +18,8 @@ from ..fields.types import ArrayLike
 ROUND = 32
 """Number of sides of round shapes."""
 TOOTH = np.array([-0.36, -0.16, 0.16, 0.36])
-"""Angles of a tooth's two root and two tip corners from its middle, in pitches; on the pitch circle
-the tooth is half a pitch wide."""
+"""Angles of a tooth's corners from its middle, in angles between two teeth (pitches): root, tip,
+tip, root. On the pitch circle the tooth is about half a pitch wide, as in a real gear."""
 
 
 class Mesh(NamedTuple):
@@ -31,7 +34,7 @@ class Mesh(NamedTuple):
     faces: Int[np.ndarray, "F 3"]
 
     def moved(self, pose: Float[np.ndarray, "4 4"]) -> "Mesh":
-        """Return the mesh with vertices transformed by the homogeneous matrix `pose`."""
+        """Return the mesh with vertices transformed by the homogeneous matrix `pose`, (4, 4)."""
         return Mesh(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.faces)
 
 
@@ -91,7 +94,8 @@ def pyramid(height: float, width: float, depth: float) -> Mesh:
 
 
 def arrow() -> Mesh:
-    """Return an arrow of unit length and head radius along z, from the origin."""
+    """Return an arrow along z, from the origin to its tip at z = 1; its head has the radius 1."""
+    # Pairs (radius, z) of the outline: a shaft of radius 0.35 up to z = 0.7, then the head.
     profile = [(0.0, 0.0), (0.35, 0.0), (0.35, 0.7), (1.0, 0.7), (0.0, 1.0)]
     return _of(_creation().revolve(profile, sections=ROUND // 2))
 
@@ -103,11 +107,14 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     length, m, to which the pose of the part will stretch the mesh along z, so that the wire becomes
     round; `turns`: number of turns of the helix.
     """
+    # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
+    # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
     angle = 2.0 * np.pi * turns * inside
     helix = [radius * np.cos(angle), radius * np.sin(angle), length * (0.12 + 0.76 * inside)]
     ends = np.outer((0.0, 0.12, 0.88, 1.0), (0.0, 0.0, length))
     path = np.vstack([ends[:2], np.stack(helix, 1), ends[2:]])
+    # The wire has a hexagonal ring of vertices around each point, perpendicular to the path.
     corners = 2.0 * np.pi * np.arange(6) / 6
     rings = []
     padded = np.vstack([path[:1], path, path[-1:]])
@@ -124,18 +131,19 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
     **Arguments:** `radius`: pitch radius, m, negative for an internal gear; `teeth`: number of
     teeth; `width`: of the gear along z, m.
     """
-    module = 2.0 * abs(radius) / teeth
-    pitch = 2.0 * np.pi / teeth
+    module = 2.0 * abs(radius) / teeth  # m
+    pitch = 2.0 * np.pi / teeth  # rad
     angle = (np.arange(teeth)[:, None] + TOOTH) * pitch
     outwards = np.sign(radius)
+    # Heights of root and tip over the pitch circle in modules, as ISO 53 has them.
     height = np.tile(outwards * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
     size = abs(radius) + height
     rim = np.stack([size * np.cos(angle.ravel()), size * np.sin(angle.ravel())], 1)
     count, after = len(rim), np.roll(np.arange(len(rim)), -1)
-    if radius > 0.0:
+    if radius > 0.0:  # a disc: triangles from the rim to the centre
         inner = np.zeros((1, 2))
         faces = np.stack([np.arange(count), after, np.full(count, count)], 1)
-    else:
+    else:  # a ring: its outer edge is four modules outside of the pitch circle
         inner = rim * ((abs(radius) + 4.0 * module) / np.linalg.norm(rim, axis=1))[:, None]
         faces = _skin(2, count)
     wheel = _creation().extrude_triangulation(np.vstack([rim, inner]), faces, width)
@@ -163,6 +171,7 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     for arrays with wrong shapes, with faces of unknown vertices or with NaN.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
+    # A file becomes an object with triangles, and this a pair of arrays.
     if isinstance(value, str | Path):
         require(Path(value).is_file(), argument, str(value), "an existing file", remedy)
         value = needed("trimesh").load(value, force="mesh")
@@ -184,12 +193,14 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4) of rotations, without translation.
+    """Return homogeneous matrices (N, 4, 4) of rotations that turn z into given axes, without
+    translation.
 
     **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions, whose parts perpendicular to the axes give the first columns; any by default.
+    directions, whose parts perpendicular to the axes are along the first columns; by default
+    arbitrary ones.
     """
-    if start is None:
+    if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -201,8 +212,8 @@ def frames(
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
     """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
 
-    **Arguments:** `start`: (3,), direction whose part perpendicular to the axis gives the first
-    column; any by default.
+    **Arguments:** `start`: (3,), direction whose part perpendicular to the axis is along the first
+    column; by default an arbitrary one.
     """
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]

@@ -4,7 +4,7 @@ The page is made by k3d. Pages of viser are smaller (1.00 against 1.46 MB for 12
 frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time of the run, writes
 the file without a web server, opens no port, and depends on ipywidgets alone, which notebooks have.
 The file contains each solid once, and its pose in each frame: 501 frames of a four-bar, a
-slider-crank or the robot arm, with arrows and modes, are 1.3 to 1.5 MB.
+slider-crank or the robot arm, with arrows and colours of contact, are 1.3 to 1.5 MB.
 """
 
 import json
@@ -20,7 +20,9 @@ from .parts import MODES, DrawnPart
 from .proportions import FIELD_OF_VIEW, Camera
 
 SCRIPT = Path(__file__).with_name("page.js")
+"""Script of the page's legend and time slider."""
 WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
+"""Script that tells the reader if the browser has no WebGL, without which k3d shows nothing."""
 DURATION = 8.0
 """Time in which the page plays the whole motion at its default speed, s."""
 
@@ -48,12 +50,13 @@ def page(
 ) -> str:
     """Return the HTML text of a page that shows a view and needs no network.
 
-    **Arguments:** `parts`: solids with their poses in each frame; `times`: times of the frames,
-    (N,) s, or ``None`` for a single state; `height`: height of the view in a notebook, pixels.
+    **Arguments:** `parts`: solids with their poses in each frame; `camera`: first position of the
+    viewer, which the reader can change; `times`: times of the frames, (N,) s, or ``None`` for a
+    single state; `height`: height of the view in a notebook, pixels.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Given trait value dtype")
+        warnings.filterwarnings("ignore", "Given trait value dtype")  # k3d's own conversions
         plot = k3d.plot(
             camera_auto_fit=False,
             grid_visible=False,
@@ -63,7 +66,7 @@ def page(
             height=height,
             name=legend.title,
         )
-        plot.snapshot_type = "full"
+        plot.snapshot_type = "full"  # the file contains k3d's own script, too
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]

@@ -1,4 +1,7 @@
-"""Solids of a view, and their colours."""
+"""Solids of a view, and their colours.
+
+A view has N frames, each of which shows the mechanism at one instant; a single state is one frame.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +24,12 @@ BODIES = (
 )
 """Colours of bodies, which colour-blind people can distinguish (after M. Okabe and K. Ito)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
+"""Colours of the ground, and of pins, balls and springs."""
 FORCE, LOAD = "#D55E00", "#7A1F8C"
+"""Colours of the arrows of contact forces and of loads."""
 MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
-"""Colours of a journal by `MotionMode`: darker for more contact."""
+"""Colours of a journal by the number of its `MotionMode`, from free flight to contact at opposite
+sides: darker for more contact."""
 CLEAR = 0.3
 """Opacity of transparent parts, from 0, invisible, to 1, opaque."""
 
@@ -63,12 +69,17 @@ class DrawnPart:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return poses of a solid that reaches from z = 0 to z = 1, such that it reaches from a start
-    to an end; x and y are multiplied by `width`, m.
+    """Return the poses of a solid, such as a spring, that connects two moving points.
+
+    The solid reaches from z = 0 to z = 1 in its own axes. The poses stretch it so that it reaches
+    from the start to the end, and multiply its x and y by `width`.
 
     **Arguments:** `starts`, `ends`: (N, 3) m, in global axes, one row for each frame.
+
+    **Returns:** (N, 4, 4), or (1, 4, 4) if all poses are equal.
     """
     along = ends - starts
+    # A minimum of 1e-12 m, since equal points have no direction.
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     poses = frames(along / length)
     poses[:, :3, :2] *= width
@@ -78,7 +89,9 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (N, 3) m in global axes, of the boxes around all parts.
+    """Return the corners, (M, 3) m in global axes, of the boxes around all parts.
+
+    The camera must show these points. Each box is in the axes of its part, around the vertices.
 
     **Arguments:** `instants`: indices of the frames in which moving parts are evaluated; parts at
     rest are evaluated once.

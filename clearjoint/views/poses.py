@@ -13,8 +13,8 @@ from ..model.scene import Scene
 from ..simulation.results.solution import Trajectory
 
 ANGLES = (0.0, 0.7, -0.7, 1.6)
-"""Angles of hinges, rad, that are tried one after another until the loops can be closed: at zero,
-links may be in a dead-centre position."""
+"""Angles of the first hinge, rad, that are tried one after another until the loops of joints can be
+closed: at zero, links may be in a dead-centre position."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,15 @@ def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
 
 
 def initial_state(scene: Scene) -> tuple[State, bool]:
-    """Return a state at rest that satisfies a scene's joints, and whether it satisfies all of them.
+    """Return a state at rest to show a scene for which the user gives no state, and whether the
+    state satisfies all joints.
 
-    The joints are followed from the ground. If loops stay open, `assemble` closes them.
+    The bodies are placed by following the joints from the ground. If loops stay open, `assemble`
+    closes them; if it can't, the state with open loops is returned.
     """
     from ..model.arrangement import arranged_state, is_closed  # imports SciPy
 
+    # Most scenes need no `assemble`, which compiles the equations of motion.
     straight = arranged_state(scene)
     if is_closed(scene, straight):
         return straight, True
@@ -83,9 +86,12 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Return the indices (M,) of at most `most` times that are about equally spaced.
+    """Choose the instants of a run that become frames: at most `most` of its times, about equally
+    spaced.
 
     The first and the last time are among them. All times are chosen if there are at most `most`.
+
+    **Returns:** indices (M,) of the chosen times, rising.
 
     **Arguments:** `times`: (N,) s, increasing.
     """
@@ -109,7 +115,8 @@ def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
 
 
 def require_instants(trajectory: Trajectory) -> None:
-    """Raise `ValueError` unless a trajectory has a state of each body for each time."""
+    """Raise `ValueError` unless a trajectory, which users may have made, has a position of each
+    body for each time."""
     count = len(np.asarray(trajectory.times))
     for name, body in trajectory.states.bodies.items():
         shape = np.shape(body.position)

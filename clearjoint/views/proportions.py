@@ -1,4 +1,8 @@
-"""Choose the sizes of symbols, the scales of clearances and bearings, and the camera of a view."""
+"""Choose the sizes of symbols, the scales of clearances and bearings, and the camera of a view.
+
+Bodies are drawn as bars around the points of their joints, and bearings and clearances larger than
+they are, because true clearances are invisible.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,20 +20,20 @@ from .parts import FORCE, LOAD, DrawnPart, corners
 from .poses import BodyPoses
 
 BAR = 0.014
-"""Radius of a bar as a fraction of the size of the mechanism."""
+"""Radius of a bar as a fraction of the size of the mechanism, the diagonal of the box around it."""
 BORE = 2.4
 """Smallest drawn radius of a bearing, in radii of a bar."""
 DRAWN_GAP = 0.3
 """Largest ratio of a drawn clearance to the drawn radius of its bearing, if the scale is chosen
-automatically."""
+automatically: the clearance is well visible, and the journal is still thick."""
 WIDEST_GAP = 0.9
 """Largest accepted ratio of a drawn clearance to the drawn radius of its bearing, for a scale that
 the user gives."""
 ALIKE = 1e-3
 """Two principal moments of inertia count as equal up to this relative difference."""
 PLANAR = 0.95
-"""A mechanism counts as planar if the squared components of all joint axes along their main
-direction are more than this fraction of all squared components."""
+"""A mechanism counts as planar if its joint axes are nearly parallel: the sum of their squared
+components along their main direction exceeds this fraction of the sum of all squared components."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,8 @@ class Proportions:
     - `bar`: radius of the bar by which a body is drawn, m.
     - `bearing_scale`: drawn size divided by true size of bearings, journals and balls.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
-    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. The viewer
-      looks along it before the view is tilted.
+    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. It points to
+      the viewer before the view is tilted.
     - `up`: (3,) unit vector in global axes, the upward direction.
     - `planar`: whether nearly all joint axes are parallel.
     """
@@ -68,11 +72,13 @@ def proportions(
 ) -> Proportions:
     """Return the sizes and scales for a view of a scene.
 
-    **Arguments:** `noted`: markers and bores of the scene, from `survey`; `bearing_scale`,
-    `clearance_scale`: drawn size divided by true size, None to choose scales by which bearings and
-    the widest clearance are visible.
+    **Arguments:** `poses`: poses of the bodies, of which the first frame is used; `noted`: points
+    and axes of the scene's joints and forces (markers), and radii and clearances of its bearings
+    (bores), from `survey`; `bearing_scale`, `clearance_scale`: drawn size divided by true size,
+    None to choose scales by which bearings and the widest clearance are visible.
 
-    **Raises:** `ValueError` for scales that are not positive, or with which no journal remains.
+    **Raises:** `ValueError` for scales that are not positive, or for a clearance scale by which a
+    clearance would be nearly as large as its bearing.
     """
     size = _size(scene, poses, noted)
     bar = BAR * size
@@ -81,6 +87,7 @@ def proportions(
         bearing_scale = max(1.0, _rounded(BORE * bar / min(radii))) if radii else 1.0
     require_positive("bearing_scale", bearing_scale, "give the scale of the drawn bearings")
     drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in noted.bores]
+    # The scale of each clearance at which it is as large as the drawn radius of its bearing.
     limits = [bore / b.clearance for bore, b in zip(drawn, noted.bores, strict=True)]
     if clearance_scale is None:
         clearance_scale = max(1.0, _rounded(DRAWN_GAP * min(limits))) if limits else 1.0
@@ -99,7 +106,7 @@ def proportions(
 
 
 class BodySolid(NamedTuple):
-    """A homogeneous solid with the mass and moments of inertia of a body.
+    """A homogeneous box or cylinder with the mass and moments of inertia of a body.
 
     - `axes`: (3, 3), whose columns are the axes of the solid, in body axes.
     - `sides`: (3,) m, lengths of the solid along these axes.
@@ -113,19 +120,25 @@ class BodySolid(NamedTuple):
 
 
 def equivalent_solid(body: Body) -> BodySolid:
-    """Return the solid with a body's mass and moments of inertia.
+    """Return the homogeneous solid with a body's mass and moments of inertia.
 
-    It is a cylinder if exactly two principal moments are equal, else a box.
+    It is a cylinder if exactly two principal moments are equal, else a box. It represents a body
+    whose shape is unknown.
     """
+    # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
     equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
+    # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
+    # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
     if len(equal) == 1:
         across, along = moments[equal[0] - 1], moments[equal[0]]
         radius = np.sqrt(2.0 * along / mass)
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
         third = frame_about(axes[:, equal[0]])
         return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
+    # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sign
+    # makes the axes of `eigh` a right-handed frame.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
@@ -135,6 +148,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     is a point."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
+        # Points that differ by rounding errors are one.
         joined = {tuple(np.round(m.point, 9)) for m in noted.markers if m.body == name}
         if len(joined) <= 1:  # such a body is drawn as its equivalent solid
             solid = equivalent_solid(body)
@@ -145,8 +159,9 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction of the joint axes, (3,) unit vector in global axes, and whether the
-    mechanism is planar. Without joint axes these are the global Z axis and False."""
+    """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
+    axes, and whether the mechanism is planar. Without joint axes these are the global Z axis and
+    False."""
     axes = [
         poses.direction(marker.body, marker.axis)[0]
         for marker in noted.markers
@@ -154,6 +169,8 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     ]
     if not axes:
         return np.array([0.0, 0.0, 1.0]), False
+    # The eigenvector of the largest eigenvalue has the largest sum of squared components of all
+    # axes, whatever their senses; that sum is the eigenvalue.
     shares, directions = np.linalg.eigh(np.array(axes).T @ np.array(axes))
     main = directions[:, -1]
     main = main * np.sign(main[np.argmax(np.abs(main))])
@@ -163,13 +180,13 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
     """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z.
 
-    For a planar mechanism, directions within 60 degrees of the viewing direction `front` are passed
-    over.
+    For a planar mechanism, directions within 60 degrees of the line of sight `front` are passed
+    over, along which the viewer could not see them as upward.
     """
     candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
     for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
         size = np.linalg.norm(candidate)
-        if size > 0.0 and (not planar or abs(candidate @ front) < 0.5 * size):
+        if size > 0.0 and (not planar or abs(candidate @ front) < 0.5 * size):  # cos 60° = 0.5
             return candidate / size
     return np.array([1.0, 0.0, 0.0])
 
@@ -177,14 +194,15 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 def _rounded(number: float) -> float:
     """Return a positive number rounded down to two significant digits."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
+    # Both corrections are for rounding errors: 1e-9 keeps numbers that have two digits already.
     return float(np.round(np.floor(number / unit + 1e-9) * unit, 12))
 
 
 FIELD_OF_VIEW = 30.0
 """Vertical field of view, degrees."""
 FLAT = 0.3
-"""A mechanism is viewed from above if the sine of the angle between its main axis and the vertical
-is less than this number."""
+"""A mechanism is viewed from above if the sine of the angle between the main direction of its joint
+axes and the vertical is less than this number."""
 ZOOM_OUT = 1.1
 """Size of the picture divided by the extent of all parts in it."""
 INSTANTS = 120
@@ -194,8 +212,8 @@ ITERATIONS = 12
 WIDE = 1.25
 """Smallest ratio of width to height of a picture."""
 TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
-"""Position of the viewer to the right and upwards, relative to the distance in front: of a planar
-mechanism, of a spatial one, and of one with a vertical axis."""
+"""Position of the viewer to the right and upwards, relative to the distance in front of the
+mechanism: for a planar mechanism, a spatial one, and one with vertical joint axes."""
 
 
 class Camera(NamedTuple):
@@ -222,9 +240,11 @@ class Camera(NamedTuple):
 def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
     """Return a camera that shows all parts in all frames, with the mechanism in the middle.
 
-    **Arguments:** `parts`: drawn solids; arrows do not belong to the mechanism; `count`: number of
-    frames.
+    **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
+    do not belong to the mechanism: they must be in the picture, but not around its middle.
+    `count`: number of frames.
     """
+    # Coordinates below are to the right, upwards and to the viewer, m.
     instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
@@ -232,8 +252,10 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     slope = np.tan(np.radians(0.5 * FIELD_OF_VIEW))
     target = 0.5 * (mechanism.min(axis=0) + mechanism.max(axis=0))
     high = np.abs(everything - target).max()
-    distance = high / slope + high
+    distance = high / slope + high  # from which everything is visible
     for _ in range(ITERATIONS):
+        # Move the target to the middle of the mechanism's picture, and the camera to the distance
+        # from which everything fills the picture, but in front of the nearest point.
         projected = in_perspective(mechanism - target, distance)
         target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
         extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)
@@ -246,12 +268,13 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the perspective projection of points to the plane through the target.
+    """Return the perspective projection of points to the plane through the target, which is
+    perpendicular to the line of sight.
 
-    **Arguments:** `corners`: coordinates of the points relative to the target, m, to the right,
-    upwards and to the viewer; `distance`: distance of the viewer from the target, m.
+    **Arguments:** `corners`: (..., N, 3) m, coordinates of the points relative to the target: to
+    the right, upwards and to the viewer; `distance`: distance of the viewer from the target, m.
 
-    **Returns:** coordinates to the right and upwards, m.
+    **Returns:** (..., N, 2) m, coordinates to the right and upwards.
     """
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
@@ -261,7 +284,7 @@ def _direction(proportions: Proportions) -> np.ndarray:
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     rightwards, upwards = TILTED if proportions.planar else OBLIQUE
-    if np.linalg.norm(front) < FLAT:
+    if np.linalg.norm(front) < FLAT:  # then any horizontal direction is in front
         front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
         rightwards, upwards = ABOVE
     front = front / np.linalg.norm(front)
@@ -270,6 +293,8 @@ def _direction(proportions: Proportions) -> np.ndarray:
 
 
 def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
+    viewer, from the last one, `towards`, and a direction `up` that need not be perpendicular."""
     right = np.cross(up, towards)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(towards, right), towards])

@@ -1,4 +1,9 @@
-"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances."""
+"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances.
+
+Joints and forces draw themselves by calling the methods of a pen with `Marker` objects. A marker is
+a point of a body, with a direction if the symbol has an axis. A view has N frames, each of which
+shows the mechanism at one instant; symbols are fixed to bodies, or have a pose in each frame.
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -30,7 +35,8 @@ JOURNAL_LENGTH = 1.3
 class DrawnJournal:
     """A journal as it is drawn, with enlarged eccentricity.
 
-    - `ends`: (2, N, 3) m in global axes, centres of the bases V and W in each frame.
+    - `ends`: (2, N, 3) m in global axes, centres of the journal's end circles, the bases V and W,
+      in each frame.
     - `poses`: (N, 4, 4), homogeneous matrices from axes at the journal's middle, with z along the
       journal's axis, to global axes.
     - `radius`: radius, m.
@@ -43,12 +49,11 @@ class DrawnJournal:
     def touching_point(
         self, contact: str, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"] | None:
-        """Return the drawn contact points of a base, (N, 3) m in global axes.
+        """Return the points at which a base touches the bearing in the drawing, (N, 3) m in global
+        axes; ``None`` for contacts other than "V" and "W".
 
         **Arguments:** `contact`: label of the contact; `normal`: (N, 3) unit vectors from the
         base's centre to the contact points.
-
-        **Returns:** ``None`` for contacts other than "V" and "W".
         """
         if contact not in BASES:
             return None
@@ -65,14 +70,17 @@ def drawn_journal(
 ) -> DrawnJournal:
     """Return a journal as it is drawn, with enlarged eccentricity.
 
-    **Arguments:** `bearing`, `journal`: points and axes on their bodies; `radius`: drawn radius of
-    the journal, m; `length`: true length of the journal, m; `sizes`: has the scales by which
-    eccentricities and lengths are enlarged.
+    The positions of its ends across the bearing's axis are the true ones times the scale of
+    clearances. Along the axis, their distance is the true length times the scale of bearings.
+
+    **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn radius
+    of the journal, m; `length`: true length of the journal, m; `sizes`: has both scales.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())
     centre = poses.point(bearing.body, bearing.point)
     reach = poses.point(journal.body, journal.point) - centre
+    # The journal's axis may point along the bearing's axis or against it.
     sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     ends = []
     for side in SIDES:
@@ -94,14 +102,17 @@ NEAR = 1e-3
 """Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
 mechanism, to find equal points."""
 SHORT = 0.5
-"""The equivalent solid of a body is drawn in addition to the hull of its joints, if the extent of
-the joints is less than this fraction of the solid's longest side."""
+"""A body is drawn as the convex hull of its joints. The solid of its mass and inertia is added if
+the extent of the joints is less than this fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
-    - `element`: name of the joint or force that is being drawn.
+    Its methods down to `gear` are called by elements. Each one adds solids, and extends the hulls
+    of the bodies to the markers, from which `body` then draws the bodies.
+
+    - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name.
     - `loads`: points (N, 3), m, and forces (N, 3), N, of constant loads, in global axes, by the
       name of the load.
@@ -133,19 +144,21 @@ class SketchingPen(AbstractPen):
         return fixed + self._moving
 
     def mark(self, marker: Marker) -> None:
-        """Draw a small ball."""
+        """Draw a small ball at a marker."""
         self._fix(marker, meshes.ball(1.3 * self._bar), METAL)
         self._hold(marker)
 
     def weld(self, first: Marker, second: Marker) -> None:
-        """Draw a cube at the first marker."""
+        """Draw a cube at the first of two markers that are fixed to each other."""
         self._fix(first, meshes.box([2.6 * self._bar] * 3), METAL)
         self._hold(first, second)
 
     def pin(self, first: Marker, second: Marker) -> None:
-        """Draw a pin that protrudes from both bodies."""
+        """Draw a pin along the axis of the first of two markers that coincide, long enough to
+        protrude from both bodies."""
         self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
         for marker in (first, second):
+            # The stands of the ground are behind the mechanism, as seen by the viewer.
             behind = 3.5 * self._bar if marker.body == GROUND else 0.0
             self._hold(self._moved_back(marker, behind))
 
@@ -155,13 +168,14 @@ class SketchingPen(AbstractPen):
         self._hold(first, second)
 
     def cross(self, first: Marker, second: Marker) -> None:
-        """Draw a pin along the axis of each marker."""
+        """Draw the cross of a universal joint: a pin along the axis of each marker."""
         for marker in (first, second):
             self._fix(marker, meshes.cylinder(0.6 * self._bar, 6.0 * self._bar), METAL)
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a thin rail as long as the motion along it, and a block or a sleeve."""
+        """Draw a thin rail as long as the motion along it, and on it a block, or, if it can also
+        turn about the rail, a sleeve."""
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
@@ -171,26 +185,29 @@ class SketchingPen(AbstractPen):
         shape = meshes.box((2.0 * bar, 2.0 * bar, 4.0 * bar))
         if turning:
             shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)
+        # The block is oriented like the rail, but moves with its own body.
         poses = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
         poses[:, :3, 3] = self._poses.point(block.body, block.point)
         self._moving.append(DrawnPart(block.body, shape, poses, self._colours[block.body]))
         self._hold(rail, block)
 
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Draw a transparent square, and a ball on it."""
+        """Draw a transparent square perpendicular to the axis of the marker `plane`, and a ball at
+        the marker `point`, which moves in the plane."""
         square = meshes.box((10.0 * self._bar, 10.0 * self._bar, 0.2 * self._bar))
         self._fix(plane, square, opacity=CLEAR)
         self._fix(point, meshes.ball(1.2 * self._bar), METAL)
         self._hold(plane, point)
 
     def rod(self, first: Marker, second: Marker) -> None:
-        """Draw a thin cylinder."""
+        """Draw a thin cylinder between two markers."""
         rod = meshes.cylinder(0.5 * self._bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
         self._span(rod, *self._ends(first, second))
 
     def spring(self, first: Marker, second: Marker) -> None:
-        """Draw a coil."""
+        """Draw a coil between two markers."""
         start, end = self._ends(first, second)
+        # The wire is round at the mean length, and stretched with the spring in other frames.
         length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
         self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
@@ -210,7 +227,11 @@ class SketchingPen(AbstractPen):
         clearance: Single,
         length: Single,
     ) -> None:
-        """Draw an open cylinder, and the journal in it with enlarged eccentricity."""
+        """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
+
+        **Arguments:** `bearing`, `journal`: their centres and axes; `radius`: radius of the
+        bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m.
+        """
         sizes = self._sizes
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
@@ -220,11 +241,14 @@ class SketchingPen(AbstractPen):
         pin = meshes.cylinder(inner, JOURNAL_LENGTH * wide)
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
+        # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
+        # ends at its wall, so that neither hides the journal.
         self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw a transparent shell, and the ball in it with enlarged eccentricity."""
+        """Draw the socket as a transparent ball, and the ball in it with enlarged eccentricity;
+        `radius` of the socket and `clearance` in m."""
         bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
         self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
         inner = meshes.ball(bore - float(clearance) * scale)
@@ -236,7 +260,12 @@ class SketchingPen(AbstractPen):
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two plates as long as the motion of the runner between them."""
+        """Draw two plates as long as the path of the runner, a part of another body, between them.
+
+        **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the part;
+        `normal`: of the plates, (3,) in the axes of the body of `middle`; `distance`: of the
+        plates, m.
+        """
         # Columns in body axes: along the walls, their normal, and near the direction of view.
         upwards = _unit(normal)
         along = _unit(np.cross(upwards, self._components(middle.body, self._sizes.front)))
@@ -244,6 +273,7 @@ class SketchingPen(AbstractPen):
         low, high = self._range(middle, runner, along)
         centre = np.asarray(middle.point) + along * (0.5 * (low + high))
         gap = float(distance)
+        # The plates are somewhat longer than the path, and deep along the line of sight.
         plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
         for side in (-0.5, 0.5):
             at = centre + upwards * (side * (gap + self._bar))
@@ -252,7 +282,11 @@ class SketchingPen(AbstractPen):
         self._hold(middle._replace(point=centre))
 
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a box."""
+        """Draw a box, such as one that slides between walls.
+
+        **Arguments:** `centre`: its centre, with the axis along its `length`, m; `normal`: (3,) in
+        body axes, along its `height`, m.
+        """
         across, upwards = centre.along(), _unit(normal)
         frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._bar))
@@ -261,14 +295,19 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder along the direction of view."""
+        """Draw a cylinder of a `radius`, m, with its axis along the line of sight, perpendicular to
+        the plane of motion of a planar mechanism."""
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
         self._hold(centre)
 
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a gear wheel."""
+        """Draw a spur gear about the axis of the marker `centre`.
+
+        **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
+        number of teeth; `phase`: angle of the middle of a tooth about the axis, rad.
+        """
         frame = _toothed_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
         self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
@@ -276,19 +315,25 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a hull around a body's joints, and its equivalent solid if the hull is small."""
+        """Draw a body as the hull of its joints, and its equivalent solid if the hull is small.
+
+        The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
+        inertia, around the centre of mass.
+        """
         points = self._distinct(name)
+        # Blocks, gears and walls need no further shape.
         if name in self._shaped and len(points) <= 1:
             return
         longest = equivalent_solid(body).sides.max()
         if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * longest:
             self.solid(name, body)
-            points = np.vstack([points, np.zeros((1, 3))])
+            points = np.vstack([points, np.zeros((1, 3))])  # the hull connects joints and solid
         if np.ptp(points, axis=0).max() > NEAR * self._sizes.size:
             self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
-        """Draw the solid of a body's inertia, transparent unless it is as thin as a bar."""
+        """Draw the homogeneous solid with a body's mass and moments of inertia, transparent unless
+        it is as thin as a bar."""
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
         sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
@@ -301,7 +346,7 @@ class SketchingPen(AbstractPen):
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
-        """Draw a mesh that the user passes, in body axes, instead of the hull."""
+        """Draw a mesh that the user passes, in body axes, as the shape of a body."""
         self._add(name, mesh)
         self._shaped.add(name)
 
@@ -310,6 +355,7 @@ class SketchingPen(AbstractPen):
 
         **Arguments:** `down`: unit vector from the joints to the stands, in global axes.
         """
+        # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
         stand = meshes.pyramid(4.0 * self._bar, 5.0 * self._bar, 2.5 * self._bar)
@@ -317,15 +363,16 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Return the points of a body that its hull must contain, (M, 3) m in body axes; of points
-        that are equal after rounding, only the first."""
+        """Return the points that the hull of a body must contain, (M, 3) m in body axes; of points
+        that are equal up to `NEAR`, only the first."""
         points = np.reshape(self._corners[name], (-1, 3))
         rounded = np.round(points / (NEAR * self._sizes.size))
         _, firsts = np.unique(rounded, axis=0, return_index=True)
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m. The default is the body's colour."""
+        """Fix a solid to a body; the mesh is in body axes, m. By default it has the body's
+        colour."""
         key = body, colour or self._colours[body], opacity
         self._fixed.setdefault(key, []).append(mesh)
 
@@ -343,8 +390,8 @@ class SketchingPen(AbstractPen):
         return start, end
 
     def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        """Draw a solid that reaches from z = 0 to 1, stretched from `starts` to `ends`, (N, 3) m in
-        global axes."""
+        """Draw a solid, which reaches from z = 0 to z = 1 in its own axes, stretched from `starts`
+        to `ends`, (N, 3) m in global axes."""
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
@@ -361,12 +408,14 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
-        """Return the vector (3,), m in body axes, from a bearing's centre to its wall.
+        """Return the vector (3,), m in body axes, from a bearing's centre to the outside of its
+        wall, where the bar of its body ends.
 
         The vector points to the body's centre of mass, or downwards for the ground. It is zero if
         the centre of mass lies inside the bearing.
 
-        **Arguments:** `distance`: outer radius of the wall, m.
+        **Arguments:** `marker`: centre and axis of the bearing, without axis for a socket;
+        `distance`: outer radius of the wall, m.
         """
         point = np.asarray(marker.point, dtype=float)
         inwards = -self._sizes.up if marker.body == GROUND else -point
@@ -389,11 +438,10 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest position, m, of a marker relative to another one in
-        all frames, along a direction.
+        """Return the smallest and the largest position, m, of the marker `runner` relative to the
+        marker `base` in all frames, along a direction: the length of a rail or of walls.
 
-        **Arguments:** `base`, `runner`: the markers; `axis`: the direction, (3,) unit vector in the
-        axes of the body of `base`.
+        **Arguments:** `axis`: the direction, (3,) unit vector in the axes of the body of `base`.
         """
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
@@ -412,9 +460,10 @@ def sketch(
 ) -> SketchingPen:
     """Draw all parts of a scene except arrows, and return the pen, which has the parts.
 
-    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`:
-    whether to add a ball at each centre of mass; `solids`: whether to add the solid of each body's
-    mass and inertia.
+    **Arguments:** `poses`: poses of the bodies in each frame; `proportions`: sizes of the symbols;
+    `given`: meshes that replace the drawn bodies, by the body's name; `centres`: whether to add a
+    ball at each centre of mass; `solids`: whether to add the homogeneous solid with each body's
+    mass and moments of inertia.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():
@@ -423,6 +472,7 @@ def sketch(
         for name, element in family.items():
             pen.element = name
             element.draw(pen)
+    # Bodies last: their hulls contain the points of all elements.
     for name, body in scene.bodies.items():
         if name not in given:
             pen.body(name, body)
@@ -445,7 +495,10 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
-    """Return a matrix (3, 3) whose columns are the axes of a gear: the third is `along` (3,), the
-    first is perpendicular to it and turned about it by `phase`, rad."""
+    """Return a matrix (3, 3) whose columns are the axes of a gear.
+
+    The third is its axis `along`, (3,). The first is the middle of a tooth, turned about the axis
+    by `phase`, rad, from the first of the transverse axes that gear joints use, too.
+    """
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -1,4 +1,4 @@
-"""`view`: show a mechanism in three dimensions."""
+"""Show a mechanism in three dimensions, by the function `view`."""
 
 import html
 from collections.abc import Mapping
@@ -41,11 +41,12 @@ ODD_SIZE = 50.0
 """A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
 factor, since it is probably in a wrong unit."""
 SUFFIXES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
+"""Suffixes of the files that `View.save` can write."""
 MISSED = 1.1
 """The legend notes the largest force of an impact if it exceeds the largest force of all frames by
 more than this factor."""
 ANIMATED = 100
-"""Largest number of frames of a GIF or MP4."""
+"""Largest number of frames of a GIF or MP4, 4 s at 25 frames per second."""
 
 
 @dataclass(eq=False, repr=False)
@@ -156,10 +157,11 @@ def view(
     A body is a bar or a plate around the points of its joints; a body with a single joint is the
     cylinder or box of its mass and inertia. Pins, balls, rails, springs and gears are symbols.
     Bearings are open cylinders; the eccentricities of the journals are scaled by
-    `clearance_scale`. Along a run, the colour of a journal is its `MotionMode`, and arrows are the
-    forces on the second body of each contact, with their tips at the contact points. The page has a
-    slider for the time (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and
-    a legend with all scales. Flanks of `Backlash`, which transmit a couple, are not drawn.
+    `clearance_scale`. Along a run, the colour of a journal shows its `MotionMode` (free flight,
+    contact at one end, along a line, or at opposite sides), and arrows are the forces on the second
+    body of each contact, with their tips at the contact points. The page has a slider for the time
+    (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and a legend with all
+    scales. Joints of the class `Backlash`, whose contacts transmit a couple, are not drawn.
 
     ```python
     import clearjoint as cj
@@ -200,7 +202,7 @@ def view(
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
     poses, observed, note = _poses(scene, motion, observation, forces, frames)
-    noted = survey(scene)
+    noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
     pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
@@ -223,7 +225,10 @@ def _poses(
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
     """Return the poses of the bodies in at most `frames` frames, the observation at the same times
-    (None if forces are not drawn), and notes for the legend."""
+    (None if forces are not drawn), and notes for the legend.
+
+    The arguments are those of `view`.
+    """
     if motion is None:
         state, fits = initial_state(scene)
         text = "state found from the joints" if fits else "joints are not closed"
@@ -232,6 +237,8 @@ def _poses(
         require_bodies(motion, scene.bodies)
         return body_poses(motion), None, []
     trajectory = _trajectory(motion)
+    # Accepted steps are long in free flight: frames at equal distances in time are interpolated. A
+    # given observation belongs to the ends of the steps, which are then shown.
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
         trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
@@ -290,7 +297,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         known = sorted(scene.bodies)
         require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
         mesh = given_mesh(f"meshes[{name!r}]", value)
-        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+        size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
         require(
             sizes.size / ODD_SIZE <= size <= sizes.size * ODD_SIZE,
             f"meshes[{name!r}]",
@@ -303,6 +310,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
 
 
 def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> list[tuple[str, str]]:
+    """Return the colours of the legend and their meanings: bodies, motion modes, and arrows."""
     entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
     entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
     shown = {part.colour for part in force_arrows.parts}
@@ -311,6 +319,7 @@ def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> lis
 
 
 def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> list[str]:
+    """Return the lines of the legend that state the scales of clearances, bearings and arrows."""
     notes = []
     if has_clearance:
         notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
