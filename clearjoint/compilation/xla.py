@@ -76,7 +76,7 @@ class HostFirst(Generic[Arguments, Result]):
         # NumPy is not tried again for a structure of arguments for which it has failed once.
         structure = jax.tree.structure((arguments, options))
         if structure not in self._need_jax:
-            results = self._by_numpy(*jax.tree.map(_on_host, (arguments, options)))
+            results = self._by_numpy(arguments, options)
             if results:
                 return results[0]
             self._need_jax.add(structure)
@@ -89,13 +89,13 @@ class HostFirst(Generic[Arguments, Result]):
     def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:
         """Return a list with the function's result, or an empty list if NumPy cannot compute it.
 
-        **Arguments:** positional arguments and options of the function, with NumPy arrays as
-        leaves.
+        **Arguments:** positional arguments and options of the function.
         """
         function: Callable[..., Result] = self.__wrapped__
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:
+                arguments, options = jax.tree.map(_on_host, (arguments, options))
                 # Under `eval_shape`, an operation of JAX is not compiled. It returns a tracer, also
                 # for known numbers, by which it is detected.
                 jax.eval_shape(lambda: results.append(function(*arguments, **options)))

@@ -125,7 +125,7 @@ def path(
         centre = named("body", body, trajectory.states.bodies).position[in_window]
         look = {"color": colour, "linestyle": style, "linewidth": 1.3}
         axes.plot(centre[:, right], centre[:, up], label=label, **look)
-        axes.plot(centre[0, right], centre[0, up], "o", color="black", markersize=5)
+        axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
     return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
 
@@ -146,16 +146,16 @@ def over_angle(
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
 
-    **Returns:** the axes; angle in degrees, ticks at quarter turns, from the first to the last
-    angle of the last curve.
+    **Returns:** the axes; angle in degrees, ticks at quarter turns.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
     """
     axes = axes_or_new(axes)
     draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    for angles, _ in curves.values():  # the last curve determines the limits
-        axes.set_xlim(np.degrees(angles[0]), np.degrees(angles[-1]))
+    ends = [angle for angles, _ in curves.values() for angle in (angles[0], angles[-1])]
+    if ends:
+        axes.set_xlim(np.degrees(min(ends)), np.degrees(max(ends)))
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
     return dress(axes, f"{shaft} angle, °", quantity)
 

@@ -25,7 +25,6 @@ from ..quantities.base import Quantity
 from ..simulation.results.observation import Observation
 from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution, Trajectory
-from ..simulation.step.settings import Settings
 from .energies import energy_ledger
 from .forces import contact_forces, joint_forces, motion_timeline
 from .journal import journal_orbit
@@ -88,7 +87,6 @@ def report(
     file: str | Path | None = None,
     *,
     title: str = "",
-    settings: Settings | None = None,
     quantity: Quantity | None = None,
     unit: str | None = None,
 ) -> Figure:
@@ -107,8 +105,6 @@ def report(
       resolve impacts, and inside them (`Trajectory.between`), if these are saved.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `settings`: settings of the run, whose solver and tolerances the description names; by default
-      they are left out.
     - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
       one, see `plot.series`; by default the velocity component of the last body's centre that
       changes most.
@@ -142,7 +138,7 @@ def report(
         rc("axes", titlesize=7.5, labelsize=7.0, linewidth=0.6)
         rc("hatch", linewidth=0.5)
         figure = Figure(figsize=PAGE, layout="constrained")
-        parts = _parts(scene, solution, settings, ObservedRun(path, along, at_ends), record)
+        parts = _parts(scene, solution, ObservedRun(path, along, at_ends), record)
         heights = _heights(parts)
         page = _inside_margins(figure)
         names = ", ".join(shown(name) for name in scene.bodies)
@@ -203,7 +199,6 @@ def _heights(parts: list[_Part]) -> list[float]:
 def _parts(
     scene: Scene,
     solution: Solution,
-    settings: Settings | None,
     run: ObservedRun,
     record: xr.DataArray,
 ) -> list[_Part]:
@@ -213,7 +208,7 @@ def _parts(
 
     **Arguments:** `run`: the run, for the figures; `record`: quantity of the spectrum over time.
     """
-    lines, joints = run_lines(scene, solution, settings), joint_rows(scene, MOST_JOINTS)
+    lines, joints = run_lines(scene, solution), joint_rows(scene, MOST_JOINTS)
     height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
     # The functions draw later, when the heights of all rows are known.
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]

@@ -10,7 +10,6 @@ from ..model.scene import Scene
 from ..result_codes import RESULTS
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.solution import Solution
-from ..simulation.step.settings import Settings
 from .labels import fitting_unit
 
 Cells = Sequence[str]
@@ -90,12 +89,9 @@ def _play(joint: AbstractContactJoint) -> str:
     return ", ".join(texts) or "yes"
 
 
-def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> list[str]:
+def run_lines(scene: Scene, solution: Solution) -> list[str]:
     """Return the lines of text that describe the scene, the run, its steps, its equations, and its
-    redundant constraints if there are any.
-
-    **Arguments:** `settings`: settings of the run, None to leave its solver and tolerances out.
-    """
+    redundant constraints if there are any."""
     gravity = scene.gravity
     counts = {"joint": len(scene.joints), "force": len(scene.forces)}
     parts = [_counted(number, name) for name, number in counts.items()]
@@ -110,14 +106,13 @@ def run_lines(scene: Scene, solution: Solution, settings: Settings | None) -> li
         type(formulation.stabilisation).__name__,
         "with energy ledger" if formulation.ledger else "without energy ledger",
     ]
-    tolerances = [] if settings is None else [_tolerances(settings)]
     redundant = ", ".join(solution.redundant_constraints)
     return [
         f"Scene: {_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg, "
         f"{', '.join(parts)}, {field}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
-        f"Equations: {', '.join([*tolerances, *methods])}",
+        f"Equations: {', '.join([*_tolerances(solution), *methods])}",
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
 
@@ -126,12 +121,17 @@ def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
     return f"{number} {name}{one if number == 1 else many}"
 
 
-def _tolerances(settings: Settings) -> str:
-    solver = type(settings.solver).__name__
-    if settings.controller is not None:
-        return f"{solver}, {type(settings.controller).__name__}"
-    atol = "" if settings.atol is None else f", atol {settings.atol:.0e}"
-    return f"{solver}, rtol {settings.rtol:.0e}{atol}"
+def _tolerances(solution: Solution) -> list[str]:
+    """Return the solver and its tolerances, or its step-size controller, as one text in a list; an
+    empty list if the solution does not contain its settings."""
+    notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
+    if "solver" not in notes:
+        return []
+    solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
+    if controller != "None":
+        return [f"{solver}, {controller}"]
+    atol = f", atol {notes['atol']:.0e}" if isinstance(notes["atol"], float) else ""
+    return [f"{solver}, rtol {notes['rtol']:.0e}{atol}"]
 
 
 def _impacts(impacts: Impacts | None) -> str:

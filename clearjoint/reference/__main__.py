@@ -25,6 +25,7 @@ MODULES = (
     ".mechanisms",
     ".plot",
     ".presets",
+    ".profiles",
     ".quantities",
     ".results",
     ".simulation.step.presets",

@@ -245,7 +245,7 @@ def _hints(owner: object) -> dict[str, Any]:
 def expectation(annotation: object) -> Expectation:
     """Return the values that the annotation of an argument allows.
 
-    Examples are ``float``, ``Float[np.ndarray, "3"]``, ``Body | None``, ``Literal["a", "b"]`` and
+    Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
     ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
     """
     origin, inner = get_origin(annotation), get_args(annotation)

@@ -25,6 +25,7 @@ from ..fields.checks import require, require_count, require_positive
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
@@ -133,7 +134,7 @@ def statistics_derivatives(
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         variables |= _labelled(name, unit, sample, scaled, factor)
-    failed = int((results["result"].values != 0).sum())
+    failed = int((results["result"].values != result_number(RESULTS.successful)).sum())
     variables["failed"] = Labelled((), failed, description="number of failed runs")
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
@@ -178,9 +179,15 @@ def _check_members(members: int, parameters: int) -> None:
     """
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")
+    fewest = _fewest_members(parameters)
+    expected = f"{fewest} or more for {parameters} parameters"
+    require(members >= fewest, "members", members, expected, "run more")
+
+
+def _fewest_members(parameters: int) -> int:
+    """Return the smallest number of runs for the regression with a number of parameters."""
     coefficients = 1 + 3 * parameters + parameters * (parameters - 1) // 2
-    expected = f"{LEAST_RUNS * coefficients} or more for {parameters} parameters"
-    require(members >= LEAST_RUNS * coefficients, "members", members, expected, "run more")
+    return LEAST_RUNS * coefficients
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
@@ -237,7 +244,9 @@ def estimate(
     derivatives, errors = np.zeros(count), np.zeros(count)
     usable = np.isfinite(values[:members])
     # Rounded down, because an odd number of runs without failure is no error.
-    _check_members(2 * (int(usable.sum()) // 2), count)
+    needed, successful = _fewest_members(count), int(usable.sum())
+    expected = f"so many that {needed} runs succeed ({successful} did)"
+    require(successful >= needed, "members", members, expected, "run more, or find the failure")
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
     first = members

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 from typing_extensions import Unpack
 
 from ..fields.checks import require, require_count, require_positive
@@ -209,11 +210,7 @@ def _statistics(
     """
     import xarray as xr
 
-    members, levels = shape[-1], np.asarray(quantiles, float)
-    # The share of members below the true quantile has a binomial distribution, with this standard
-    # deviation. Half the distance between the quantiles at the levels one deviation below and above
-    # is therefore the standard error of a quantile.
-    aside = np.sqrt(levels * (1.0 - levels) / members)
+    levels = np.asarray(quantiles, float)
     found = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = results["result"].values.reshape(shape) != result_number(RESULTS.successful)
     found["failed"] = tuple(labels), failed.sum(axis=-1), {"long_name": "number of failed runs"}
@@ -221,18 +218,33 @@ def _statistics(
         unit = {"units": results[name].attrs.get("units", "1")}
         runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
         deviation = runs.std(MEMBER, ddof=1)
-        ends = (np.clip(levels + sign * aside, 0.0, 1.0) for sign in (1.0, -1.0))
         with warnings.catch_warnings():
             # The quantiles of a point whose runs all failed are NaN.
             warnings.simplefilter("ignore", RuntimeWarning)
-            above, below = (runs.quantile(end, MEMBER).values for end in ends)
             quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
+            errors = _quantile_errors(runs.values, levels)
         found[name] = runs.assign_attrs(unit)
         found[f"{name}_mean"] = runs.mean(MEMBER).assign_attrs(unit)
         found[f"{name}_deviation"] = deviation.assign_attrs(unit)
         error = deviation / np.sqrt(runs.count(MEMBER))
         found[f"{name}_standard_error"] = error.assign_attrs(unit)
         found[f"{name}_quantile"] = quantile.assign_attrs(unit)
-        errors = np.moveaxis(0.5 * (above - below), 0, -1)
         found[f"{name}_quantile_standard_error"] = (*labels, QUANTILE), errors, unit
     return found
+
+
+def _quantile_errors(
+    runs: Float[np.ndarray, "... members"], levels: Float[np.ndarray, " q"]
+) -> Float[np.ndarray, "... q"]:
+    """Return the standard errors of the quantiles at given levels; failed runs are NaN."""
+    # The share of n members below the true quantile has a binomial distribution with the standard
+    # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
+    # deviation below and above is therefore the standard error of a quantile.
+    errors = np.full((*runs.shape[:-1], len(levels)), np.nan)
+    for point in np.ndindex(*runs.shape[:-1]):
+        usable = runs[point][np.isfinite(runs[point])]
+        if len(usable) > 0:
+            aside = np.sqrt(levels * (1.0 - levels) / len(usable))
+            ends = np.clip([levels - aside, levels + aside], 0.0, 1.0)
+            errors[point] = 0.5 * np.diff(np.quantile(usable, ends), axis=0)[0]
+    return errors

@@ -12,6 +12,7 @@ from ..fields.checks import require, require_count
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
+from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
@@ -106,7 +107,7 @@ def sobol_indices(
         variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
         for order, numbers in _indices(groups, confidence, seed).items():
             variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
-    failed = int((results["result"].values != 0).sum())
+    failed = int((results["result"].values != result_number(RESULTS.successful)).sum())
     variables["failed"] = Labelled((), failed, description="number of failed runs")
     labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
     notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}

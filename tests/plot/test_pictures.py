@@ -1,5 +1,7 @@
 """Figures of artificial motions: drawn values against closed forms, and units."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,6 +11,7 @@ from matplotlib.colors import to_rgba
 
 import clearjoint as cj
 from clearjoint import plot
+from clearjoint.export.provenance import setting_notes
 from tests.support.dropped_rod import dropped_rod
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
@@ -339,8 +342,8 @@ def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
         for k in range(1, 11)
     ]
     solution = solution_of(solution.saved, cj.results.Impacts.of_rows(rows))
-    settings = cj.Settings(rtol=1e-7)
-    page = plot.report(scene, solution, tmp_path / "page.png", title="Round", settings=settings)
+    solution = replace(solution, settings=setting_notes(cj.Settings(rtol=1e-7)))
+    page = plot.report(scene, solution, tmp_path / "page.png", title="Round")
     assert (tmp_path / "page.png").stat().st_size > 50_000
     texts = [text.get_text().replace("\n", " ") for text in page.findobj(plt.Text)]
     for text in (
@@ -385,5 +388,5 @@ def test_pictures_of_a_run_agree_with_its_ledger_and_its_states(tmp_path):
     saved = cj.observe(scene, solution).contacts["pin"]["V"].penetration_rate
     np.testing.assert_allclose(depth, saved, atol=1e-9)
     force = cj.quantities.ContactForce("pin")
-    plot.report(scene, solution, tmp_path / "page.pdf", settings=settings, quantity=force)
+    plot.report(scene, solution, tmp_path / "page.pdf", quantity=force)
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")

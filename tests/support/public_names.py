@@ -17,6 +17,7 @@ MODULES = (
     "clearjoint.mechanisms",
     "clearjoint.plot",
     "clearjoint.presets",
+    "clearjoint.profiles",
     "clearjoint.quantities",
     "clearjoint.results",
     "clearjoint.testing",

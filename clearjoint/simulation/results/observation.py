@@ -71,9 +71,8 @@ class ContactObservation(eqx.Module):
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m, penetration plus clearance, which for a circular wall and journal is
-      the distance of the base's centre from the bearing's axis (eq. 11); ``None`` for contacts that
-      are not bases of a journal.
+    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11);
+      ``None`` for contacts that are not bases of a journal.
     - `offset`: (N, 3) m, the base's centre in the frame of the bearing: two components across the
       bearing's axis, then the one along it; ``None`` for contacts that are not bases.
     - `normal_force`: (N,) N, magnitude.

@@ -18,6 +18,7 @@ from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
 from ...fields.checks import require
 from ...fields.conversion import with_arrays
+from ...math.smoothing import norm_and_direction
 from ...math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ...model.clearance_joints.journal_bases import BASES, HasJournal
@@ -189,10 +190,10 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         for label, force in family.items():
             contact = force.contact
             eccentricity = offset = None
-            # For circular surfaces, a base penetrates by its eccentricity less the clearance.
             if isinstance(joint, HasJournal) and label in BASES:
-                eccentricity = contact.gap.depth + joint.clearance
-                offset = pack(joint.journal_offset(dynamics.motions, label))
+                across = joint.journal_offset(dynamics.motions, label)
+                eccentricity = norm_and_direction(Vector(across.x, across.y, 0.0))[0]
+                offset = pack(across)
             observations[name][label] = ContactObservation(
                 penetration=contact.gap.depth,
                 penetration_rate=contact.gap.rate,

@@ -313,7 +313,7 @@ def settle(
             options = {"start_time": time, "throw": False, "progress": False}
             runs.append(simulate(scene, state, end, settings, save, **options))
             state, time = runs[-1].final, float(runs[-1].time)
-            bar.update(BLOCK)
+            bar.update(min(BLOCK, periods - bar.n))
             # Statistics need all periods, so they are compared only after the last block.
             last = BLOCK * len(runs) >= periods
             assessment = _assessment(runs, section, largest_multiple, tolerance, last)
