@@ -369,6 +369,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
         for name, wrench in row.jacobian.items():
             rate = rate + motions[name].power(wrench)
             jacobian[name] = jacobian[name] + _scaled(wrench, slope)
+        # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
         value = value + 0.5 * slope * row.value
         bias = bias + rate * rate / length + slope * row.bias
     return Row(value, jacobian, bias)
