@@ -56,7 +56,8 @@ class LeeWang(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    Near c = 1 it dissipates half the energy that c requires, and for c = 0 it still delivers 0.66.
+    Near c = 1 it dissipates half the energy that c requires. For c = 0 the rebound speed is still
+    0.66 times the entry speed.
 
     >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -69,7 +70,7 @@ class LeeWang(AbstractDampedLaw):
 
 
 class LankaraniNikravesh(AbstractDampedLaw):
-    r"""chi = 3 (1 - c^2)/4 (H. M. Lankarani, P. E. Nikravesh 1990; Flores et al. 2006, eq. 24).
+    r"""chi = 3 (1 - c^2)/4 (H. M. Lankarani, P. E. Nikravesh 1990; P. Flores et al. 2006, eq. 24).
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
@@ -117,7 +118,10 @@ class CarvalhoMartins(AbstractDampedLaw):
 
 
 class AbstractReboundingLaw(AbstractDampedLaw):
-    """A law whose damping is infinite at c = 0, which raises an error."""
+    """Base class of laws whose damping factor is infinite for a restitution of zero.
+
+    **Raises:** `ValueError` for this restitution.
+    """
 
     def __check_init__(self):
         require_rebound(self.restitution)
@@ -160,7 +164,7 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
     $$\chi = \frac{1}{c}$$
 
-    The delivered restitution never exceeds 0.594.
+    The delivered restitution never exceeds 0.594, its value for c = 1.
 
     >>> law = cj.laws.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -224,8 +228,8 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
 
-    The delivered restitution is far too small: 0.22 for 0.5, and 0.81 for 0.9. Use this law only to
-    reproduce published results.
+    The delivered restitution is far too small: 0.22 for c = 0.5, and 0.81 for c = 0.9. Use this law
+    only to reproduce published results.
 
     **Warns:** `LawRangeWarning` for any restitution below 1.
 
@@ -253,9 +257,11 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
 
 class ExactRestitution(AbstractReboundingLaw):
-    r"""The chi for which a free impact delivers the requested restitution c, for any elastic force.
+    r"""The chi for which a free impact delivers exactly the requested restitution c.
 
     $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
+
+    The equation holds for any elastic force and is solved numerically for chi.
 
     Source: Y. Gonthier et al. 2004; J. Zhang, I. Sharf 2009.
 

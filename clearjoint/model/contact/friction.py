@@ -1,7 +1,7 @@
 """Friction laws: the ratio of friction to normal force as a function of the slip speed.
 
-These laws regularise the jump of Coulomb friction at zero speed, so that a contact creeps under
-load. The bristle laws in `.bristles` stick.
+These laws regularise the jump of Coulomb friction at zero speed, so that a contact creeps under a
+tangential load. The bristle laws in `.bristles`, with a deflection of the surfaces, model sticking.
 """
 
 import abc
@@ -63,7 +63,11 @@ class AbstractFriction(AbstractConverting):
 
 
 class AbstractRegularisedFriction(AbstractFriction):
-    """Base class of friction with the `coefficient` mu above a `regularisation_speed`, m/s."""
+    """Base class of Coulomb friction that is regularised at low speed.
+
+    Well above the `regularisation_speed`, m/s, the ratio of friction to normal force is the
+    `coefficient` mu.
+    """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -156,7 +160,8 @@ class Ambrosio(AbstractFriction):
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
-        # At v0 the slope is that above v0: with v0 = 0 there are no lower speeds.
+        # The derivative at v0 is that above v0. A maximum would give the mean of both sides, which
+        # is wrong for v0 = 0, where there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)
 
 

@@ -22,7 +22,8 @@ from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_ab
 
 RODS = ("crank", "coupler", "rocker")
 LENGTHS = (0.1, 0.3, 0.25, 0.3)
-"""Default lengths of crank, coupler and rocker of `four_bar`, and distance of its ground joints, m."""
+"""Default lengths of crank, coupler and rocker of `four_bar`, and of the ground between its joints,
+m."""
 MASSES = (0.2, 0.4, 0.35)
 """Default masses of crank, coupler and rocker of `four_bar`, kg."""
 PINS = {
