@@ -400,7 +400,7 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions under which `recheck_changes` raises no error, each a traced boolean ().
+    """Return the conditions, each a traced boolean (), for which `recheck_changes` finds no error.
 
     Compiled programs evaluate them, for example for the numbers of all runs of a sweep. Return
     ``None`` if any class to be checked is not of this package, since its checks may need known
