@@ -32,6 +32,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
     @wraps(function)
     def cached(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         leaves, structure = jax.tree.flatten((args, kwargs))
+        # Traced numbers have no values that could be compared.
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return function(*args, **kwargs)
         key = structure, tuple(map(content, leaves))
@@ -39,6 +40,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
             results[key] = function(*args, **kwargs)
             if len(results) > KEPT:
                 results.popitem(last=False)
+        # The result used last is at the end, so that the first one is the next to be removed.
         results.move_to_end(key)
         return results[key]
 

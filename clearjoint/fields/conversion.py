@@ -119,6 +119,7 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
     In Equinox modules of this package, these are the leaves in all fields that are not static; in
     other modules, those in fields with a converter.
     """
+    # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:

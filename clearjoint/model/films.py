@@ -119,8 +119,9 @@ class AbstractFilm(AbstractConverting):
         )
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the quantities, with their valid ranges, outside which the film law is not valid;
-        an empty tuple by default. A warning is issued for a value outside its range.
+        """Return the quantities on which the validity of the film law depends, with their ranges.
+
+        A warning is issued for a value outside its range. The default is an empty tuple.
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """

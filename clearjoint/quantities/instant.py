@@ -26,15 +26,15 @@ class Instant:
 
     Vectors are not arrays but have the scalar fields `x`, `y` and `z`. Properties are computed on
     first use. Bodies, joints and contacts have the names of the user's scene, even if the run
-    computes alike ones together, as arrays.
+    computes several of the same kind together, as arrays.
 
     - `time`: s.
     - `work[name]`: energies that have been dissipated or supplied since the start, J; "friction"
       includes the energy in bristles. Empty unless the run keeps this ledger.
 
-    The instants of a solution are made by a run. The example makes one from a `System`, which
-    evaluates the equations of motion, and its variables, which are the coordinates and velocities.
-    An instant is a PyTree; flattening drops the function that gives the instants `inside` its step.
+    Runs create instants. The example makes one from a `System`, which evaluates the equations of
+    motion, and its variables, which are the coordinates and velocities. An instant is a PyTree;
+    flattening drops the function that gives the instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())

@@ -32,7 +32,7 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
 
 
 class ElastoGap(AbstractBoundedDampingLaw):
-    r"""F = K delta^n + D rate, where the damping force is limited to the size of the elastic force.
+    r"""Law F = K delta^n + D rate, with the damping force limited to the elastic force.
 
     $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
@@ -64,7 +64,7 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
 
 class ImpactFunction(AbstractBoundedDampingLaw):
-    r"""F = max(0, K delta^n + D(delta) rate), the IMPACT function of Adams and SolidWorks Motion.
+    r"""Law F = max(0, K delta^n + D(delta) rate): the IMPACT function of Adams and SolidWorks.
 
     $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
@@ -94,14 +94,15 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
 
 class FloresKelvinVoigt(AbstractBoundedDampingLaw):
-    r"""F = K delta^n in compression, c K delta^n in restitution: Flores' Kelvin-Voigt variant.
+    r"""Flores' variant of the Kelvin-Voigt law, whose force is smaller in restitution.
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    The rebound speed of a free impact over its entry speed is sqrt(c). Where the rate changes its
-    sign, the two forces are blended by a hyperbolic tangent, because integration steps don't end
-    there. Impacts that are not much faster than the transition speed lose less energy. The law is
-    that of the program DyS (github.com/ladisk/DyS), generalised to any exponent.
+    The force is K delta^n in compression and c K delta^n in restitution. The rebound speed of a
+    free impact over its entry speed is sqrt(c). Where the rate changes its sign, the two forces are
+    blended by a hyperbolic tangent, because integration steps don't end there. Impacts that are not
+    much faster than the transition speed lose less energy. The law is that of the program DyS
+    (github.com/ladisk/DyS), generalised to any exponent.
 
     **Arguments:**
 

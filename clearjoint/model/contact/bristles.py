@@ -23,10 +23,11 @@ from .friction import require_breakaway
 class AbstractBristleFriction(AbstractConverting):
     """Base class of bristle laws: friction from a deflection that is integrated with the motion.
 
-    A subclass defines the rate of the deflection, the ratio of friction to normal force, and their
-    values in steady sliding. The rate must vanish with the slip, so that a sticking contact doesn't
-    drift. The deflection is a vector in m that is zero at the onset of contact. It is stored in the
-    axes of the contact's first body, and only its component perpendicular to the normal acts.
+    A subclass defines the rate of the deflection, the ratio of friction to normal force, and, for
+    steady sliding, this ratio and the size of the deflection. The rate must vanish with the slip,
+    so that a sticking contact doesn't drift. The deflection is a vector in m that is zero at the
+    onset of contact. It is stored in the axes of the contact's first body, and only its component
+    perpendicular to the normal acts.
 
     ```python
     import clearjoint as cj

@@ -147,12 +147,12 @@ def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class LiuCylinder(AbstractCylinder):
-    r"""F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu, K. Zhang, R. Yang 2007).
+    r"""Line contact with F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu et al. 2007).
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
     dR is the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is valid
-    for conformal contact too.
+    for conformal contact too. Source: C. Liu, K. Zhang, R. Yang 2007.
 
     >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -168,7 +168,7 @@ class LiuCylinder(AbstractCylinder):
 
 
 class PereiraCylinder(AbstractCylinder):
-    r"""F = (0.965 dR + 0.0965) L E*/dR delta^n for internal contact (C. Pereira et al. 2011, 2014).
+    r"""Internal line contact with F = (0.965 dR + 0.0965) L E*/dR delta^n (C. Pereira et al. 2011).
 
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n$$
 
@@ -176,7 +176,7 @@ class PereiraCylinder(AbstractCylinder):
     and MPa, but all arguments are in SI units. The exponent is
     n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 for clearances dR below 0.34954 mm and
     Y = 0.0151 dR + 1.151 above. It is valid for clearances from 0.005 to 10 mm. The authors use the
-    damping of `LankaraniNikravesh`.
+    damping of `LankaraniNikravesh`. Source: C. Pereira et al. 2011, 2014.
 
     >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -211,11 +211,10 @@ class PerssonCylinder(AbstractCylinder):
     \tan\frac{\varepsilon}{2}$$
 
     P = F/L is the load per length, dR the clearance, epsilon the half-angle of the contact, and
-    E' = E/(1 - nu^2). Persson's theory doesn't give the
-    penetration. Here the half-angle follows from the overlap of the undeformed circles as in
-    `LiuCylinder`, cos(half-angle) = dR/(dR + delta). For small penetrations the force is then
-    several times that of the other laws. Use `load` and `half_angle` to find where these laws
-    become invalid.
+    E' = E/(1 - nu^2). Persson's theory doesn't give the penetration delta. Here the half-angle
+    follows from the overlap of the undeformed circles as in `LiuCylinder`, cos(half-angle) =
+    dR/(dR + delta). For small penetrations the force is then several times that of the other laws.
+    Use `load` and `half_angle` to find where these laws become invalid.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees

@@ -147,7 +147,7 @@ class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
 
 
 class KelvinVoigt(AbstractClampedDashpotLaw):
-    r"""Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
+    r"""Linear spring and dashpot, F = K delta + D rate, with D = 2 z sqrt(K m) (W. Voigt, Kelvin).
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
@@ -172,7 +172,7 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
 
 class Tsuji(AbstractClampedDashpotLaw):
-    r"""F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
+    r"""Law F = K delta^1.5 + sqrt(5) z sqrt(K m) delta^(1/4) rate (Y. Tsuji et al. 1992).
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
@@ -241,12 +241,13 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D delta^(1/2) rate, for spheres of a viscous material.
+    r"""Law F = K delta^1.5 + D delta^(1/2) rate for spheres of a viscous material.
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    D is in N s/m^1.5. The restitution decreases with the entry speed, as with metals. At the onset
-    the force is zero but the derivative of the damping force is unbounded.
+    The damping coefficient D is in N s/m^1.5. The restitution decreases with the entry speed, as
+    with metals. At the onset the force is zero but the derivative of the damping force is
+    unbounded.
 
     Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
 
@@ -260,9 +261,11 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
 
 class BordbarHyppanen(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65.
+    r"""Law F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007).
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
+
+    The damping coefficient D is in N s/m^1.65.
 
     >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
@@ -274,11 +277,11 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D rate (G. H. Ristow 1992). D in N s/m.
+    r"""Law F = K delta^1.5 + D rate (G. H. Ristow 1992).
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    The force jumps at the onset.
+    The damping coefficient D is in N s/m. The force jumps at the onset.
 
     >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

@@ -36,8 +36,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
       replaces K delta^n.
-    - `exponent`: n, at least 1; as a static field the values 1 and 1.5 are cheap. A cylinder
-      ignores it.
+    - `exponent`: n, at least 1; as a static field, the values 1 and 1.5 are computed without a
+      general power. A cylinder ignores it.
     - `smoothing`: width w in m, or ``None``. With it, a smooth ramp that begins at delta = -w
       replaces the penetration, and a ramp of the relative width w/(w + delta) replaces the lower
       limit of zero of the damping's factor.

@@ -62,8 +62,8 @@ class AbstractElasticity(AbstractConverting):
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities of a gap, with their valid ranges, outside which the elastic force
-        is not valid; an empty tuple by default."""
+        """Return the quantities on which the validity of the elastic force depends, with their
+        ranges; an empty tuple by default."""
         del gap
         return ()
 
@@ -267,10 +267,9 @@ class AbstractContactLaw(AbstractConverting):
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities of a gap, with their valid ranges, outside which the law is not
-        valid; an empty tuple by default.
+        """Return the quantities on which the validity of the law depends, with their ranges.
 
-        A warning is issued for a value outside its range.
+        A warning is issued for a value outside its range. The default is an empty tuple.
         """
         del gap
         return ()
@@ -291,7 +290,8 @@ class AbstractElasticLaw(AbstractContactLaw):
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities of a gap, with their ranges, for which the stiffness is valid."""
+        """Return the quantities on which the validity of the stiffness depends, with their
+        ranges."""
         return self.stiffness.limits(gap)
 
 

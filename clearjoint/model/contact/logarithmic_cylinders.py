@@ -84,7 +84,7 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
 
 class JohnsonCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR.
+    r"""Johnson's line contact, valid for penetrations up to 0.541 clearances (K. L. Johnson 1985).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
@@ -98,7 +98,7 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
 
 class EsduCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR.
+    r"""Line contact of ESDU 78035, valid for penetrations up to four clearances.
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
@@ -112,7 +112,7 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
 
 class RadzimovskyCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] (E. I. Radzimovsky 1953).
+    r"""Radzimovsky's line contact (E. I. Radzimovsky 1953).
 
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
@@ -143,7 +143,7 @@ class AbstractLoadByLength(AbstractLogarithmicCylinder):
 
 
 class DubowskyFreudensteinCylinder(AbstractLoadByLength):
-    r"""delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
+    r"""Line contact of S. Dubowsky and F. Freudenstein (1971).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
@@ -155,7 +155,7 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
 
 class GoldsmithCylinder(AbstractLoadByLength):
-    r"""delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
+    r"""Goldsmith's line contact (W. Goldsmith 1960).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
     R_j}{\Delta R}$$

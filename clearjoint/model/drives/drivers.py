@@ -324,7 +324,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
 
-    **Raises:** as `PrescribedAngle`.
+    **Raises:** `ValueError` as for `PrescribedAngle`.
 
     >>> slide = cj.PrescribedTranslation(
     ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
@@ -372,9 +372,10 @@ SI = "give it in SI units"
 class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
 
-    The torque is proportional (target - angle) + derivative (target's rate - speed), limited in
-    both directions. Within 2 % of the limit a parabola replaces the kink, so that derivatives are
-    continuous and steps stay long; elsewhere the limit is exact.
+    The torque is P (target - angle) + D (target's rate - speed), with the gains P and D in the
+    arguments `proportional` and `derivative`. It is limited in both directions. Within 2 % of the
+    limit a parabola replaces the kink, so that derivatives are continuous and steps stay long;
+    elsewhere the limit is exact.
 
     The angle's error is taken within half a revolution. To control a speed regardless of the angle,
     set `proportional` to zero and the target to `Polynomial((0.0, speed))`.

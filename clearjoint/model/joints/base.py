@@ -347,8 +347,8 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the quantities, with their valid ranges, outside which a contact's law is not
-        valid; an empty tuple by default.
+        """Return the quantities on which the validity of a contact's law depends, with their
+        ranges; an empty tuple by default.
 
         A run that records impacts warns of penetrations outside their range.
 

@@ -69,6 +69,7 @@ def coincident_points(
     >>> print(f"{rows['translation x'].value:.1f} m")
     -0.1 m
     """
+    # One row for each global axis: the difference of the points' coordinates along it.
     separation = first.point(local_first) - second.point(local_second)
     rows = {}
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):

@@ -149,8 +149,8 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return an equivalent position in which angles have lost whole revolutions, and norms are
-        again 1.
+        """Return an equivalent position without whole revolutions of an angle, and with norms
+        corrected to 1.
 
         It is called at the end of each step, so that numbers don't grow over a long run. The
         default returns the position unchanged.

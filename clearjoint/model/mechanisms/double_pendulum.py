@@ -46,6 +46,7 @@ def double_pendulum(
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """
+    # Masses, kg, and moments, kg m^2, of Table 1. Each arm lies along its axis of least moment.
     bodies = {
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),

@@ -96,6 +96,8 @@ def four_bar(
         if pin in clearance:
             at = {"bearing_point": ends[0], "journal_point": ends[1]}
             joints[pin] = ClearanceJoint(*pair, **at, **options, clearance=clearance[pin])
+        # Four ideal pins with five rows each would close the loop with three redundant constraints.
+        # An inline joint, which only holds the point in the plane, has three rows fewer.
         elif pin == "rocker pin" and not clearance:
             joints[pin] = InlineJoint(*pair, *ends, Z_AXIS)
         else:
@@ -282,6 +284,7 @@ def _start(speed: Scalar) -> State:
     The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's end,
     which is at rest.
     """
+    # Velocity of the crank's end, and spin of the coupler, for a speed of 1 rad/s.
     upward = np.array([0.0, 0.0, CRANK])
     return State(
         {

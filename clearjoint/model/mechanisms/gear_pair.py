@@ -56,6 +56,7 @@ def gear_pair(
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
     """
+    # Radii of the pitch circles.
     first, second = (0.5 * module * number for number in teeth)
     if law is None:
         law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS)

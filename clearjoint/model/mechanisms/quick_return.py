@@ -82,6 +82,7 @@ def quick_return(
         "motor": PrescribedRotation(GROUND, "crank", Z_AXIS, speed, 0.5 * math.pi + angle),
         "slot": slot,
     }
+    # Slender bars. The moments about their own axes have no effect on the planar motion.
     bodies = {
         "crank": Body(0.1, (2e-6, *(0.1 * CRANK**2 / 12.0,) * 2)),
         "lever": Body(0.5, (2e-5, *(0.5 * LEVER**2 / 12.0,) * 2)),

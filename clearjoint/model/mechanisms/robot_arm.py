@@ -269,6 +269,7 @@ def robot_arm(
         if play is None:
             joints[f"motor {k + 1}"] = _motor(parent, LINKS[k], speed, angle, ARM[k].tilt())
             continue
+        # The motor drives the flange, which has a bearing of its own on the parent.
         bodies[flange] = FLANGE
         joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, _foot(k), ORIGIN, Z_AXIS, Z_AXIS)
         joints[f"motor {k + 1}"] = _motor(parent, flange, speed, angle, IDENTITY)

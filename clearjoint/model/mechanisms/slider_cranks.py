@@ -76,6 +76,7 @@ def slider_crank(
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
     if clearance is None:
+        # A revolute joint would repeat constraints of the guide and the other joints.
         pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
     else:
         pin = ClearanceJoint(
