@@ -159,6 +159,8 @@ class CaponeFilm(AbstractFilm):
     def force(self, gap: FilmGap) -> Vector:
         """Return the force on the journal, N: the integral of the positive pressures."""
         offset, rate = gap.offset, gap.rate
+        # In the formula above, `direction` is e, `along` d, `across` q, `wedge` G, `squeeze` V and
+        # `transverse` Q.
         speed, direction = norm_and_direction(rate)
         rho = 1.0 - offset.dot(offset)
         root = jnp.sqrt(rho)

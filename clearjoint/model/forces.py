@@ -65,7 +65,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the force on each body, opposite along the line between the points, by body
+        """Return the wrenches of two opposite forces along the line between the points, by body
         name."""
         del t
         stretch, rate, direction = self._stretch(motions)

@@ -353,6 +353,8 @@ def _of_journal(
     """
     if journal is None:
         return _ROUND, 0.0, 0.0
+    # Components of the direction along the journal's axes. Their polar angle is that about the
+    # journal's axis; for a journal that is not tilted, its rate is 1 or -1.
     along_x = axes.x_along_x * cosine + axes.x_along_y * sine
     along_y = axes.y_along_x * cosine + axes.y_along_y * sine
     square = along_x * along_x + along_y * along_y
@@ -407,6 +409,7 @@ def caution_two_contacts(
     width = concrete(clearance)
     if width is None or curvatures[0] is None or curvatures[1] is None:
         return
+    # The radius of the bearing's circle exceeds that of the journal's by the clearance.
     least = float(width + curvatures[0].min() - curvatures[1].max())
     caution_unless(
         least > 0.0,

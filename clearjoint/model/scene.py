@@ -39,6 +39,7 @@ def unheld_drives(
         for name, element in {**joints, **forces}.items()
         if isinstance(element, AbstractDrive)
     }
+    # A driver is among the joints, but it doesn't hold its axis, so it connects no bodies here.
     links = [joint.body_names() for name, joint in joints.items() if name not in drives]
     return [
         name

@@ -286,6 +286,7 @@ class Angle(AbstractBodyQuantity):
                 require_axis(name, direction)
                 sine = np.linalg.norm(np.cross(self.about, direction))
                 lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
+                # The margin is far above rounding errors.
                 expected = f"a direction that is not parallel to `about` = {self.about}"
                 require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
