@@ -1,8 +1,8 @@
 """Interfaces of the elements of a scene: constraints, forces and contact joints.
 
 User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
-registration is needed. Inside all methods, vectors are `Vector`s of three scalars, not arrays, and
-so are the fields of the element.
+registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
+three scalars, not arrays, and so are the element's fields with three numbers.
 """
 
 import abc
@@ -379,7 +379,7 @@ class AbstractContactJoint(AbstractElement):
         """Return the ideal joint that holds the second body where it rests under a load.
 
         `assemble` uses it for the joints in its argument `resting`. Return ``None``, the default,
-        if there is no position of rest. Unlike in other methods, vectors are arrays here, (3,).
+        if there is no position of rest. Unlike in most methods, vectors are arrays here, (3,).
 
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
