@@ -1,2 +1,5 @@
-"""Fields of the package's types, independent of mechanics: units, conversion to arrays, checks,
-warnings about unusual numbers, and printing."""
+"""Fields of the classes of this package, independent of mechanics.
+
+The modules declare units and allowed values, convert given values to arrays, check them, warn of
+unusual numbers, and print objects.
+"""

@@ -1,5 +1,8 @@
-"""Cache of function results by the numbers in PyTrees, since the checks of a run take longer than a
-short run."""
+"""Cache of function results, with the numbers in PyTrees as keys.
+
+It serves the checks before a run, which take longer than a short run and are often repeated with
+the same numbers.
+"""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -18,17 +21,18 @@ Result = TypeVar("Result")
 
 
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function of PyTrees so that its results are cached by classes, static fields and
-    numbers of the arguments.
+    """Return a function of PyTrees that caches its results.
 
-    The function must have no side effects, and callers must not change its results. Neither errors
-    nor results for traced numbers are cached.
+    A result is used again for arguments of the same classes, with the same static fields and the
+    same numbers. The function must have no side effects, and callers must not change its results.
+    Neither errors nor results for traced numbers are cached.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
     @wraps(function)
     def cached(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         leaves, structure = jax.tree.flatten((args, kwargs))
+        # Traced numbers have no values that could be compared.
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return function(*args, **kwargs)
         key = structure, tuple(map(content, leaves))
@@ -36,6 +40,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
             results[key] = function(*args, **kwargs)
             if len(results) > KEPT:
                 results.popitem(last=False)
+        # The result used last is at the end, so that the first one is the next to be removed.
         results.move_to_end(key)
         return results[key]
 
@@ -43,8 +48,11 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
 
 
 def content(leaf: PyTree) -> Hashable:
-    """Return a hashable key for a leaf: type, shape, dtype and bytes of an array; type and value of
-    any other object."""
+    """Return a hashable key for a leaf of a PyTree.
+
+    It consists of the type, shape, dtype and bytes of an array, or of the type and value of any
+    other object.
+    """
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)
         return type(leaf), array.shape, array.dtype, array.tobytes()

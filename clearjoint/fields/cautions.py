@@ -1,4 +1,7 @@
-"""Warnings about unusual numbers, and about runs that leave the range of a model's validity."""
+"""Warnings about unusual numbers, and about runs that leave the range of a model's validity.
+
+The subclasses of `UserWarning` let users silence one kind, or turn it into an error.
+"""
 
 import sys
 import warnings
@@ -30,7 +33,7 @@ class UnusualValueWarning(UserWarning):
 
 
 class LeftBearingWarning(UserWarning):
-    """Warns that a journal that nothing holds axially has slid out of its bearing.
+    """Warns that a journal has slid out of its bearing along the axis, in a joint that allows it.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LeftBearingWarning)``.
 
@@ -40,7 +43,7 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """Warns that a file that is read contains data that a scene cannot represent.
+    """Warns that a file contains data that a scene cannot represent, and that are left out.
 
     Silence it with ``warnings.filterwarnings("ignore",
     category=clearjoint.NotCarriedOverWarning)``.
@@ -61,7 +64,7 @@ class PoorFitWarning(UserWarning):
 
 
 class LooseBodyWarning(UserWarning):
-    """Warns that nothing holds a body or the axis of a drive.
+    """Warns that no joint or force acts on a body, or that no joint holds the axis of a drive.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
 
@@ -77,7 +80,7 @@ class LooseBodyWarning(UserWarning):
 
 
 class LawRangeWarning(UserWarning):
-    """Warns that a contact law is used outside of its range, or for a result that it cannot
+    """Warns that a contact or film law is used outside of its range, or for a result that it cannot
     provide.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
@@ -88,10 +91,10 @@ class LawRangeWarning(UserWarning):
 
 
 def caution(message: str, category: type[Warning]) -> None:
-    """Issue a warning of a category of this module at the user's line of code.
+    """Issue a warning of a class of this module, which refers to the user's line of code.
 
-    A sentence on how to silence the warning is added to `message`. Within `quiet`, nothing is
-    issued.
+    A sentence on how to silence the warning is added to `message`. Within the context `quiet`, none
+    is issued.
     """
     if not warns():
         return
@@ -100,14 +103,16 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def warns() -> bool:
-    """Return whether warnings are issued: not within `quiet`."""
+    """Return whether warnings are issued, which they are not within the context `quiet`."""
     return not _QUIET.get()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the warnings of this module within the context, for numbers that were checked
-    before."""
+    """Suppress the warnings of this module within the context.
+
+    It is used where numbers for which warnings have been issued are checked again.
+    """
     token = _QUIET.set(True)
     try:
         yield
@@ -116,8 +121,11 @@ def quiet() -> Iterator[None]:
 
 
 def _level_of_the_user() -> int:
-    """Return the `stacklevel` with which `warnings.warn`, called by the caller of this function,
-    points at the first frame outside of this package and equinox."""
+    """Return the `stacklevel` for `warnings.warn` with which a warning refers to the user's code.
+
+    That is the innermost frame outside of this package and equinox. `warnings.warn` must be called
+    by the function that calls this one, since levels are counted from there.
+    """
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):
         level, frame = level + 1, frame.f_back

@@ -2,9 +2,11 @@
 
 In all functions, `argument` is the name of the value and `remedy` the advice in the message, as
 `require` puts them together. Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do
-not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision. A
-check of a traced value cannot raise an error, because the value is unknown. It passes, unless
-`conditions_of` collects its condition, which a run then evaluates.
+not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision.
+
+A check of a traced value cannot raise an error, because the value is unknown, and usually passes.
+But while `conditions_of` calls it, the condition is collected, so that a compiled program can
+evaluate it: that of a run, or of a sweep for the values of all its runs.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -30,16 +32,18 @@ Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""Largest difference between a number and its form with 14 digits, in units of rounding, at which
-the latter is shown."""
+"""Largest relative difference between a number and its form with 14 digits, in units of `EPSILON`,
+at which the latter is shown."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
+"""Conditions that `conditions_of` collects at present; ``None`` if it isn't running."""
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
     """Return a value as a float64 NumPy array, or as a JAX array if it is one or contains traced
     numbers.
 
-    **Arguments:** `argument`, `unit`: name and unit of the value in the error message.
+    **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
+    and unit of the value in the error message.
 
     **Raises:** `ValueError` if the value does not consist of numbers.
     """
@@ -95,9 +99,10 @@ def as_shown(value: Any) -> Any:
 def checkable(*values: object) -> list[Any] | None:
     """Return the values as arrays for a check, or ``None`` if the check must be omitted.
 
-    A check is omitted if JAX traces one of the values, unless `conditions_of` collects conditions.
-    Pass the condition to `require` without calling `bool`, which tracers do not support, and
-    combine conditions by ``&`` and ``|``.
+    A check is omitted if JAX traces one of the values, unless `conditions_of` collects conditions
+    for a compiled program. The returned values are then traced. Therefore, pass the condition to
+    `require` without calling `bool`, which tracers do not support, and combine conditions by ``&``
+    and ``|``.
 
     >>> numbers = extend.checkable(0.3, 0.1)
     >>> if numbers is not None:
@@ -110,10 +115,10 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """Return the conditions, each a boolean (), under which a check of traced values raises no
-    error.
+    """Return the conditions, each a traced boolean (), under which a check raises no error.
 
-    `check` is called. For known values it raises its errors as usual.
+    `check` is called. It contributes a condition for each check of traced values, and raises errors
+    for known values as usual.
     """
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
@@ -161,10 +166,11 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values; the others are what it depends on.
+    """Check a condition on the first of several values, which may depend on the other values.
 
-    **Arguments:** `condition`: function of the values as arrays, whose result may be traced.
-    `expected`: may contain `{0}` and so on for the values. The others are those of `require`.
+    **Arguments:** `condition`: function of all values as arrays, whose result may be traced.
+    `argument`: name of the first value. `expected`: may contain `{0}`, `{1}` and so on, which are
+    replaced by the values. The others are those of `require`.
 
     **Raises:** `ValueError` if the condition is false.
     """
@@ -195,7 +201,7 @@ def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remed
 
 
 def require_finite(argument: str, value: object) -> None:
-    """Raise a ``ValueError`` if a value, a number or an array, contains NaN or infinity.
+    """Raise a ``ValueError`` if a number or an array contains NaN or infinity.
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
@@ -286,8 +292,8 @@ def caution_unless(
 ) -> None:
     """Issue an `UnusualValueWarning` about a number unless the condition holds.
 
-    **Arguments:** `expected`: the usual range with its unit, such as "at most 1 m", for the
-    message.
+    **Arguments:** `value`: in the given unit. `expected`: the usual range with its unit, such as
+    "at most 1 m", for the message.
     """
     if not condition:
         caution(
@@ -335,6 +341,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (3,), "pass three components")
     if (known := checkable(value)) is not None:
         (numbers,) = known
+        # A length below 1e-12 is the rounding error of a difference of two points.
         require(
             (numbers**2).sum() > 1e-24,
             argument,
@@ -349,6 +356,7 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     if (known := checkable(value)) is not None:
         (parameters,) = known
+        # The margin allows for parameters that are given with seven digits.
         require(
             abs((parameters**2).sum() ** 0.5 - 1.0) < 1e-6,
             argument,
@@ -359,7 +367,11 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Repeat the checks at construction for all modules in a PyTree, without warnings."""
+    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings.
+
+    They are needed before a run, since values may have been replaced in a scene without calling its
+    constructors, as by `equinox.tree_at`.
+    """
     with quiet():
         waiting = [tree]
         while waiting:
@@ -369,11 +381,13 @@ def recheck(tree: PyTree) -> None:
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
-    """Repeat the checks at construction for modules that contain a changed leaf, without warnings.
+    """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
+    without warnings.
 
-    A module of this package that contains the leaf only through a dictionary, list or tuple is not
-    checked, since the entries of these are independent of each other. A module of any other package
-    is checked.
+    It is the faster form of `recheck` for a sweep, which changes a few numbers of a scene. A module
+    of this package that contains the leaf only through a dictionary, list or tuple is not checked,
+    since its checks don't depend on the numbers in the entries of these containers. A module of any
+    other package is checked.
 
     **Arguments:** `structure`: of the tree, from `jax.tree.structure`; `changed`: one boolean for
     each leaf, in JAX's order.
@@ -386,11 +400,13 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions, each a boolean (), under which `recheck_changes` raises no error for
-    traced numbers.
+    """Return the conditions, each a traced boolean (), for which `recheck_changes` finds no error.
 
-    Return ``None`` if any class to be checked is not of this package, since its checks may need
-    known numbers. The arguments are those of `recheck_changes`.
+    Compiled programs evaluate them, for example for the numbers of all runs of a sweep. Return
+    ``None`` if any class to be checked is not of this package, since its checks may need known
+    numbers.
+
+    **Arguments:** those of `recheck_changes`, with traced numbers in the `tree`.
     """
     for path in _paths_to_changed(structure, changed):
         if not is_of_package(reduce(_child, path, tree)):
@@ -406,12 +422,15 @@ def is_of_package(module: eqx.Module) -> bool:
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Return the paths of the modules that `recheck_changes` must check, inner modules first."""
+    """Return the paths of the modules that `recheck_changes` must check, inner modules first.
+
+    The arguments are those of `recheck_changes`.
+    """
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Return whether a leaf of `tree` has changed: outside of containers in `tree`, and
-        anywhere."""
+        """Return whether a leaf of `tree` has changed outside of containers, and whether one has
+        changed anywhere in it; add the paths of modules to check to `paths`."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
@@ -442,9 +461,10 @@ def _check_here(tree: PyTree) -> None:
 
 
 def _check_by(check: Callable[[PyTree], None], tree: PyTree) -> None:
-    """Run a check of a module's class.
+    """Call one check of a module, the method `__check_init__` of one of its classes.
 
-    While conditions are collected, a check that fails because it needs known values is omitted.
+    While `conditions_of` collects conditions, a check that fails because it needs known values is
+    omitted.
     """
     try:
         check(tree)

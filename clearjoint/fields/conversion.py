@@ -1,5 +1,7 @@
-"""Modules that convert the values given for their fields, so that user-defined classes need only
-annotations."""
+"""Base class of elements and laws, whose fields convert the numbers that users give to arrays.
+
+User-defined subclasses need only annotate their fields.
+"""
 
 import inspect
 from collections.abc import Callable
@@ -20,11 +22,11 @@ from .readable import AbstractReadable
 from .types import ArrayLike
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields that hold no numbers, and are therefore static."""
+"""Annotations of fields that hold no numbers. These become static: part of a PyTree's structure."""
 
 
 class AbstractConverting(AbstractReadable):
-    """PyTree class that accepts Python numbers and stores arrays.
+    """Base class of PyTree classes that accept Python numbers and store arrays.
 
     A field of a subclass that has only an annotation is
 
@@ -32,9 +34,10 @@ class AbstractConverting(AbstractReadable):
     - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
       of a number compiles nothing again.
 
-    `clearjoint.extend.quantity("N m")` also declares unit, shape and range, and with ``table=True``
-    a table, which stays an array in scalar form. Declare functions, and numbers that determine the
-    structure of a program, such as a number of repetitions, by ``equinox.field(static=True)``.
+    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. In compiled programs,
+    where the element computes, an array of three numbers becomes a `Vector`; a field declared with
+    ``table=True`` stays an array. Declare functions, and numbers that determine the structure of a
+    program, such as a number of repetitions, by ``equinox.field(static=True)``.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -45,10 +48,10 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts given values of the field `name`, if it declares no
-        converter.
+        """Return the function that converts the values given for the field `name`.
 
-        A subclass may override this; by default it is `as_numbers`.
+        It applies to a field that does not declare a converter. A subclass may override this
+        method, which returns `as_numbers` by default.
         """
         del name
         return as_numbers
@@ -57,8 +60,9 @@ class AbstractConverting(AbstractReadable):
 def as_numbers(value: PyTree) -> PyTree:
     """Return a value with its Python numbers, and tuples and lists of numbers, as float64 arrays.
 
-    Lists of numbers or of arrays of equal shape are stacked to one array. Dictionaries, and other
-    tuples and lists, are converted entry by entry; all else is unchanged.
+    Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
+    Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
+    unchanged.
     """
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
         return as_number(value)
@@ -75,15 +79,15 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """Return a PyTree with its numbers as float64 arrays.
+    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
 
-    A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
-    program, which would be compiled for each of its values. Not converted are traced numbers, and
-    numbers in modules of other packages in fields without a converter, since these may be meant as
-    parts of the program.
+    It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
+    otherwise be part of the program, which would be compiled for each of its values. Traced numbers
+    are not converted, nor are numbers in Equinox modules of other packages in fields without a
+    converter, since these may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
-    # The usual case, before every run.
+    # Usually nothing is left to convert.
     if all(map(_is_float_array, leaves)):
         return tree
     numbers = _number_fields(structure)
@@ -110,11 +114,12 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of the leaves in numeric fields, in JAX's order.
+    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
 
-    All fields that are not static count in modules of this package; in others, those with a
-    converter.
+    In Equinox modules of this package, these are the leaves in all fields that are not static; in
+    other modules, those in fields with a converter.
     """
+    # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
@@ -134,10 +139,10 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """Return a value as a JAX array.
+    """Return a value as a JAX array of the given type.
 
-    The conversion goes by NumPy, because `jax.numpy.asarray` alone compiles a small program for
-    each shape of Python's and NumPy's numbers.
+    It is converted to a NumPy array first, because `jax.numpy.asarray` of Python's and NumPy's
+    numbers compiles a small program for each shape.
     """
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
@@ -153,7 +158,11 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the field `name` of a class, made static or given a converter if it has neither."""
+    """Return the dataclass field `name` of a class, static or with a converter.
+
+    A field that declares neither becomes static if its annotation is in `NAMES`, and gets the
+    converter of `field_converter` otherwise.
+    """
     given = cls.__dict__.get(name)
     if isinstance(given, Field):
         field = given

@@ -1,4 +1,4 @@
-"""Declarations of fields (unit, shape, sign and range), which are checked when objects are made."""
+"""Declarations of fields: unit, shape, sign and range, which are checked when objects are made."""
 
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields
@@ -26,7 +26,10 @@ _COUNTS = {(): "a single number", (3,): "three components", (4,): "four componen
 
 @dataclass(frozen=True)
 class Declaration:
-    """Allowed and usual values of a field; see `quantity` for the attributes."""
+    """Allowed and usual values of a field.
+
+    The attributes are the arguments of `quantity` with the same names.
+    """
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -40,7 +43,8 @@ class Declaration:
     def check_value(self, name: str, value: ArrayLike) -> None:
         """Check a value of the field `name` against the declaration.
 
-        **Raises:** `ValueError` for a value that is not allowed. An unusual value gives a warning.
+        **Raises:** `ValueError` for a value that is not allowed.
+        **Warns:** `UnusualValueWarning` for an unusual value.
         """
         if self.check is not None:
             self.check(name, value)
@@ -69,13 +73,14 @@ def quantity(
     table: bool = False,
     **options: Any,
 ) -> Any:
-    """Declare a field with a number or an array in the given SI unit ("1" without a unit).
+    """Declare a field of a user-defined element, law or quantity that holds a number or an array.
 
-    The declaration is checked when an object is made and again before runs. Of values that JAX
-    traces, only the shape is checked.
+    Values are converted to arrays of 64-bit floats. They are checked against the declaration when
+    an object is made and again before runs. Of values that JAX traces, only the shape is checked.
 
     **Arguments:**
 
+    - `unit`: SI unit of the value, "1" for a number without unit.
     - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
     - `positive`: whether the number must be positive; with `zero`, it may be zero too.
     - `within`: closed interval of allowed values.
@@ -84,8 +89,8 @@ def quantity(
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
-    - `table`: whether the value stays an array of any length where the element computes, as
-      `jax.numpy.interp` needs it; otherwise three numbers become a `Vector` there.
+    - `table`: whether the value stays an array of any length in compiled programs, where the
+      element computes, as `jax.numpy.interp` needs it; otherwise three numbers become a `Vector`.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):
@@ -101,9 +106,10 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a `quantity` whose default is ``None``; its effect is then not computed.
+    """Declare a field as `quantity` does, whose default is ``None``.
 
-    `options` are those of `quantity`.
+    ``None`` stands for an effect that is absent, and that compiled programs therefore don't
+    compute. `unit` and `options` are those of `quantity`.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -124,8 +130,11 @@ def _as_optional_number(
 
 
 def name_conversions(cls: type) -> None:
-    """Make the converters of a class's `quantity` fields name the field in errors for
-    non-numbers."""
+    """Give the converters of a class's `quantity` fields the names and units of these fields.
+
+    A value that is no number then raises an error that names its field. Each class calls this
+    function when it is defined, because `quantity` does not know the name of its field.
+    """
     for name, field in list(vars(cls).items()):
         converter = field.metadata.get("converter") if isinstance(field, Field) else None
         if converter is not None and converter in (as_number, _as_optional_number):
@@ -134,7 +143,7 @@ def name_conversions(cls: type) -> None:
 
 
 def check_declared(module: eqx.Module) -> None:
-    """Check each field of a module against its declaration, except for values of ``None``.
+    """Check each field of an object against its declaration, except for fields that are ``None``.
 
     **Raises:** `ValueError` that names the field, its value, the allowed values and a remedy.
     """
@@ -145,5 +154,5 @@ def check_declared(module: eqx.Module) -> None:
 
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
-    """Return name and declaration of each field of a class that has a declaration."""
+    """Return the fields of a class that have a declaration: the name and declaration of each."""
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]

@@ -1,11 +1,11 @@
-"""Conversion of names and texts to the form in which matplotlib draws them literally."""
+"""Conversion of names and texts given by users, so that matplotlib draws them as they are."""
 
 from textwrap import fill
 
 LONGEST_NAME = 40
-"""Largest number of characters of a name in a label."""
+"""Largest number of characters of a name in a figure; a longer name is shortened."""
 WIDEST_LABEL = 44
-"""Number of characters up to which the label of an axis is one line."""
+"""Largest number of characters of an axis's label on one line."""
 
 
 def literal(text: str) -> str:
@@ -17,9 +17,9 @@ def literal(text: str) -> str:
 def shown(name: str, longest: int = LONGEST_NAME) -> str:
     """Return a name as one line of at most `longest` characters, for matplotlib.
 
-    Of a long name, start and end are kept, since names of similar parts differ mostly at the end. A
-    name that begins with an underscore gets a space of zero width in front, since legends omit
-    labels that begin with an underscore.
+    The middle of a longer name is replaced by an ellipsis, since names of similar parts differ
+    mostly at the end. A name that begins with an underscore gets a space of zero width in front,
+    since legends omit labels that begin with an underscore. An empty name becomes "(no name)".
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -31,6 +31,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 def broken(label: str) -> str:
     """Return the label of an axis, broken into lines of about equal length if it is longer than
     `WIDEST_LABEL` characters."""
+    # The quotient rounded up. The width allows for lines that end before a word.
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label

@@ -1,4 +1,4 @@
-"""Base class of elements, which checks the declarations of its fields and prints its numbers."""
+"""Base class of the package's classes with numbers: it checks their fields and prints them."""
 
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
@@ -20,12 +20,13 @@ and shape are printed."""
 
 
 class AbstractReadable(eqx.Module):
-    """PyTree class that checks the declarations of its fields (see `quantity`) and has a readable
-    `repr`.
+    """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
-    The `repr` shows numbers and short arrays as they were given. A subclass may define two further
-    checks, which run after each field has been checked: `_check_together` for conditions on several
-    fields, and `_caution_together` for warnings about unusual combinations.
+    When an object is made, the value of each field is checked against its declaration, such as
+    ``quantity("m", positive=True)``. A subclass may define two further checks, which run
+    afterwards: `_check_together` for conditions on several fields, and `_caution_together` for
+    warnings about unusual combinations. The `repr` shows numbers and short arrays as they were
+    given.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -33,18 +34,21 @@ class AbstractReadable(eqx.Module):
         name_conversions(cls)
 
     def __check_init__(self):
-        # By the class, since Equinox wraps methods of instances at each access.
         check_declared(self)
+        # The methods are taken from the class, because Equinox wraps those of an instance at each
+        # access, which takes time.
         type(self)._check_together(self)
         if warns():
             type(self)._caution_together(self)
 
     def _check_together(self) -> None:
-        """Raise a ``ValueError`` if the combination of the fields is not allowed; nothing by
-        default."""
+        """Raise a ``ValueError`` if the values of several fields don't fit together.
+
+        By default there is no such condition.
+        """
 
     def _caution_together(self) -> None:
-        """Issue a warning if the combination of the fields is unusual; nothing by default."""
+        """Issue a warning if the values of several fields are unusual together; by default none."""
 
     def __setattr__(self, name: str, value: object) -> None:
         try:
@@ -65,6 +69,9 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
     """Return a function ``__dir__`` for a package that lists its names without those of its
     modules.
 
+    Importing a package adds its modules to its names, where they would hide the classes and
+    functions from users who complete a name.
+
     **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
     listed all the same.
     """
@@ -80,7 +87,10 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
 
 
 def _plain(leaf: object) -> object:
-    """Return a short array as a number or a list of numbers, any other leaf unchanged."""
+    """Return a short array as a number or a list of numbers, and any other leaf unchanged.
+
+    Short arrays have at most `LONGEST` entries. Traced numbers are unchanged too.
+    """
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf

@@ -4,15 +4,15 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 ALIKE = 0.66
-"""Smallest similarity of two names, from 0 to 1 by `difflib`, at which the message suggests the
-other."""
+"""Smallest similarity of an unknown and a known name, from 0 to 1 by `difflib`, at which an error
+message suggests the known one."""
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
-    """Return the remedy for an unknown name, for an error message.
+    """Return the remedy for an unknown name, as the end of an error message.
 
-    It suggests the most similar known name, where capitals do not count, followed by the advice
-    `otherwise`. If no name is similar, it is `otherwise` alone.
+    It suggests the most similar of the `known` names, without regard to capitals, followed by the
+    advice `otherwise`. If no name is similar, it is `otherwise` alone.
     """
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)

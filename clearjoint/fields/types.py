@@ -1,8 +1,9 @@
 """Types of the numbers in fields, by name and shape.
 
 A field stores arrays: of shape () for one number, (3,) for three and (4,) for four. Inside of
-compiled programs, where elements compute, an array of shape (3,) is a `Vector` and one of shape
-(4,) is `EulerParameters`. The types below are used for both forms; so they are based on `Any`.
+compiled programs, where elements compute, they are in scalar form: an array of shape (3,) is
+replaced by a `Vector` of three scalars, one of shape (4,) by `EulerParameters`, and one of shape
+(3, 3) by a `Matrix`. The types below are used for both forms; so they are based on `Any`.
 """
 
 from typing import Any, TypeAlias
@@ -12,8 +13,10 @@ from jaxtyping import Float
 from typing_extensions import TypeAliasType
 
 ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
-"""A number, a sequence of numbers or an array. Signatures show this name instead of the definition
-in NumPy."""
+"""A number, a sequence of numbers or an array.
+
+It has a name of its own so that signatures show it instead of NumPy's long definition.
+"""
 
 Single: TypeAlias = Float[Any, ""]
 """One number, ()."""
@@ -22,9 +25,10 @@ Triple: TypeAlias = Float[Any, "3"]
 Square: TypeAlias = Float[Any, "3 3"]
 """A matrix of shape (3, 3), by rows."""
 Column: TypeAlias = Float[Any, " N"]
-"""One number for each of N rows of a table, (N,), which stays an array in scalar form."""
+"""One number for each of N rows of a table, (N,). It stays an array in compiled programs too."""
 TableRows: TypeAlias = Float[Any, " N *components"]
-"""One or several numbers for each of N rows of a table, which stays an array in scalar form."""
+"""One or several numbers for each of N rows of a table, (N,) or (N, K). It stays an array in
+compiled programs too."""
 Quadruple: TypeAlias = Float[Any, "4"]
 """Euler parameters, (4,), the scalar part first."""
 

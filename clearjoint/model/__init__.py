@@ -1,4 +1,5 @@
 """Model of a mechanism: bodies, joints, laws, the scene, and mechanisms from the literature.
 
-Each element defines its own behaviour; equations of motion and integration are in other packages.
+Each element, such as a joint, defines its own constraints or forces. The equations of motion and
+their integration are in other packages.
 """

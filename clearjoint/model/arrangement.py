@@ -1,4 +1,8 @@
-"""Arrange the bodies of a scene by following its joints, for a first guess of its state."""
+"""Arrange the bodies of a scene by following its joints, for a first guess of its state.
+
+The guess serves scenes without a complete state: to draw them, and to start `assemble`, which also
+closes loops of joints.
+"""
 
 from dataclasses import replace
 from typing import TypeAlias
@@ -12,28 +16,38 @@ from .scene import Scene
 from .survey import survey
 
 CLOSED = 1e-6
-"""A joint counts as closed if the distance of its two points, relative to their distance from the
-bodies' centres, and the sine of the angle between its axes are at most this number."""
+"""Tolerance of `is_closed`. It limits the distance between the two points of a joint, relative to
+their distance from the bodies' centres of mass, and the sine of the angle between its axes."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
-"""Position of a body's centre, (3,) m in global axes, and rotation from body to global axes."""
+"""Position of a body's centre of mass, (3,) m in global axes, and rotation from body to global
+axes."""
 
 
 def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0) -> State:
     """Return a state of all bodies of a scene, found by following its joints from the ground.
 
     Each joint places the next body, at rest, such that the two points of the joint coincide. The
-    body is parallel to the one before it, or turned by the smallest rotation that makes the axes of
-    the joint parallel. Bodies that no joint connects lie at the origin. Loops of joints may stay
-    open.
+    body's axes are parallel to those of the body before it, or turned by the smallest rotation that
+    makes the axes of the joint parallel. Bodies that no chain of joints connects with the ground
+    start a chain of their own, whose first body is at the origin.
 
-    **Arguments:** `given`: state of some of the bodies, which keep it; `angle`: rad, by which the
-    first hinge is turned about its axis. Further hinges have angles of alternating sign and
-    growing size.
+    A joint between two bodies that already have a place is not used, so that a closed chain of
+    bodies may stay open at one of its joints: see `is_closed`.
+
+    **Arguments:**
+
+    - `given`: state of some of the bodies, which keep it.
+    - `angle`: rad, by which the first hinge is turned about its axis. Each further hinge is turned
+      in the opposite sense and by 1.3 times as much as the one before. With the default, zero, the
+      links of a planar chain are parallel, which may be a singular position that `assemble` can't
+      leave.
     """
     given = State({}) if given is None else given
     poses = _poses(given)
     joined = survey(scene).joined
+    # The poses include that of the ground, so that they are complete with one more than the bodies.
     while len(poses) <= len(scene.bodies):
+        # The next joint between a body that has a place and one that has none.
         pair = next((p for p in joined if (p[0].body in poses) != (p[1].body in poses)), None)
         if pair is None:
             unconnected = next(name for name in scene.bodies if name not in poses)
@@ -41,6 +55,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
             continue
         known, other = pair if pair[0].body in poses else pair[::-1]
         poses[other.body] = _joined(poses[known.body], known, other, angle)
+        # Equal angles of alternating sign would leave every second link parallel to the first.
         angle = -1.3 * angle
     bodies = {}
     for name in scene.bodies:
@@ -51,10 +66,15 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 
 def is_closed(scene: Scene, state: State) -> bool:
-    """Return whether the points of each joint coincide in a state, and the axes are parallel."""
+    """Return whether a state satisfies the joints of a scene, as far as `arranged_state` uses them.
+
+    The two points of each joint must coincide, and its two axes must be parallel in either sense,
+    within the tolerance `CLOSED`.
+    """
     poses = _poses(state)
     for pair in survey(scene).joined:
         (first, along), (second, along_second) = (_in_space(poses[one.body], one) for one in pair)
+        # At least 1 mm, for joints whose points are the centres of mass.
         size = max(1e-3, *(float(np.linalg.norm(one.point)) for one in pair))
         if np.linalg.norm(first - second) > CLOSED * size:
             return False
@@ -66,7 +86,8 @@ def is_closed(scene: Scene, state: State) -> bool:
 
 
 def _poses(state: State) -> dict[str, Pose]:
-    """Return the poses of the bodies of a state and of the ground, by name."""
+    """Return the poses of the bodies of a state and of the ground, by name; a pose is a position
+    and a rotation."""
     poses = {
         name: (
             np.asarray(body.position),
@@ -85,9 +106,14 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
 
 
 def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
-    """Return the pose of the body of `other`, such that both markers coincide.
+    """Return the pose of the body of `other` for which the points of two markers coincide and their
+    axes, if both have one, are parallel.
 
-    **Arguments:** `pose`: of the body of `known`; `angle`: turn about the common axis, rad.
+    **Arguments:**
+
+    - `pose`: of the body of `known`.
+    - `known`, `other`: the markers of a joint on two bodies.
+    - `angle`: additional rotation about the common axis, rad.
     """
     rotation = pose[1]
     point, target = _in_space(pose, known)

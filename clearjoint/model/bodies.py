@@ -43,13 +43,13 @@ True
 DENSITIES = 1e-2, 1e6
 """Range of a body's density, kg/m^3, outside which a warning is issued.
 
-The density is that of a homogeneous box with the body's mass and inertia. Solids have 10 to 2e4.
-The range is wider, because inertias without effect on a planar motion are often guessed, and frames
-are mostly empty.
+The density is that of a homogeneous box with the body's mass and inertia. Solid materials have 10
+to 2e4 kg/m^3. The range is wider, because inertias without effect on a planar motion are often
+guessed, and because the boxes of frames are mostly empty.
 """
 THINNEST = 1e-2
-"""Ratio of the shortest to the longest side of the box of equal mass and inertia, below which a
-greater thickness is assumed."""
+"""Smallest ratio of the shortest to the longest side of the box with which a body's density is
+estimated. A rod or plate with idealised moments of inertia would have no thickness."""
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
@@ -68,6 +68,7 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 def _check_moments(inertia: np.ndarray) -> None:
     """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3)."""
+    # NumPy, or JAX for traced values. Both inequalities allow for the rounding of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
@@ -249,16 +250,18 @@ class Body(AbstractReadable):
     def gyration_radius(self) -> float:
         """Return the radius of gyration about the centre of mass, m.
 
-        Mass and inertia must be known numbers, not traced by JAX.
+        It is the root mean square distance of the body's mass from its centre of mass. Mass and
+        inertia must be known numbers, not traced by JAX.
         """
         inertia = np.asarray(self.inertia)
+        # Each moment is an integral of two squared coordinates, so their sum counts each one twice.
         trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
         return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
         """Return the angular momentum about the centre of mass, kg m^2/s in body axes.
 
-        The body must be in scalar form, which `unpack` makes of arrays.
+        The body's inertia must be a `Vector` or a `Matrix`, into which `unpack` turns arrays.
 
         **Arguments:** `spin`: angular velocity, rad/s in body axes.
         """
@@ -268,10 +271,11 @@ class Body(AbstractReadable):
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
-    """Return the density of a homogeneous box with a mass, kg, and an inertia, kg m^2.
+    """Return the density, kg/m^3, of the homogeneous box with a body's mass and inertia.
 
-    `inertia` holds principal moments, (3,), or a matrix, (3, 3). The density is in kg/m^3. A side
-    of nearly zero is replaced by a hundredth of the longest side.
+    Sides shorter than a hundredth of the longest one are replaced by a hundredth of it.
+
+    **Arguments:** `mass`: kg; `inertia`: kg m^2, principal moments, (3,), or a matrix, (3, 3).
     """
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
     # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
@@ -282,9 +286,10 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
 class BodyState(AbstractReadable):
     """Position and velocity of one body.
 
-    - `position`: (3,) m, centre of mass, global.
-    - `orientation`: (4,) Euler parameters, scalar first, body to global.
-    - `velocity`: (3,) m/s, of the centre of mass, global.
+    - `position`: of the centre of mass, (3,) m in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
+      global axes.
+    - `velocity`: of the centre of mass, (3,) m/s in global axes.
     - `spin`: (3,) rad/s, angular velocity in body axes.
 
     >>> state = cj.body_state(position=(0.5, 0, 0), spin=(0, 0, 2))
@@ -307,7 +312,8 @@ class State(AbstractReadable):
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
       and label of the contact; zero without contact. Empty for scenes whose laws don't use entry
       speeds.
-    - `work`: terms of the energy ledger, J, by name; empty unless the ledger is requested.
+    - `work`: energies supplied to the bodies or taken from them since the start, J, by name; empty
+      unless the run keeps this energy ledger.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
 
@@ -373,6 +379,8 @@ Vector(x=0.0, y=0.0, z=0.0)
 class Anchor:
     """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
 
+    The centre of a joint with the ground is such a point.
+
     - `local`: the point, m in body axes.
     - `origin`: the fixed point, m in global axes.
     - `offset`: the small vector from the fixed point to the body's point, m in global axes. It is
@@ -396,7 +404,8 @@ class Motion:
     - `rotation`: matrix that transforms components in body axes to global axes.
     - `velocity`: of the centre of mass, m/s in global axes.
     - `spin`: angular velocity, rad/s in body axes.
-    - `anchor`: optional; positions and velocities of points near the anchor are more accurate.
+    - `anchor`: optional point of the body from which positions and velocities of other points are
+      computed, with smaller rounding errors near the anchor.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
     >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
@@ -410,7 +419,7 @@ class Motion:
     anchor: Anchor | None = None
 
     def point(self, local: Vector) -> Vector:
-        """Return the position in global axes of the point `local` in body axes, m (eqs 6 and 7)."""
+        """Return the position in global axes, m, of the point `local`, m in body axes."""
         return self.position + self.rotation @ local
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
@@ -434,7 +443,7 @@ class Motion:
         return self.rotation.transposed_times(vector)
 
     def velocity_at(self, local: Vector) -> Vector:
-        """Return the velocity of a point of the body, m/s in global axes (eq. 19).
+        """Return the velocity of a point of the body, m/s in global axes.
 
         **Arguments:** `local`: the point, m in body axes.
         """
@@ -444,7 +453,7 @@ class Motion:
         return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
 
     def wrench(self, force: Vector, local: Vector) -> Wrench:
-        """Return the wrench of a force that acts at a point of the body (eqs 22-23).
+        """Return the wrench of a force that acts at a point of the body.
 
         **Arguments:** `force`: N in global axes. `local`: the point, m in body axes.
         """
@@ -455,7 +464,7 @@ class Motion:
         return Wrench(ZERO, self.rotation.transposed_times(torque))
 
     def power(self, wrench: Wrench) -> Scalar:
-        """Return the power of a wrench on the moving body, W."""
+        """Return the power of a wrench that acts on the body, W."""
         return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
 
 
@@ -468,7 +477,7 @@ def body_state(
     velocity: TripleLike = (0.0, 0.0, 0.0),
     spin: TripleLike = (0.0, 0.0, 0.0),
 ) -> BodyState:
-    """Return a `BodyState` with checked values.
+    """Return a `BodyState`, the position and velocity of one body, with checked values.
 
     ```python
     import clearjoint as cj
@@ -479,10 +488,10 @@ def body_state(
 
     **Arguments:**
 
-    - `position`: (3,) m, of the centre of mass, global.
-    - `orientation`: (4,) Euler parameters, scalar first, body to global, for example from
-      `rotation`; parallel to the global frame by default.
-    - `velocity`: (3,) m/s, global; zero by default.
+    - `position`: of the centre of mass, (3,) m in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
+      global axes, for example from `rotation`; parallel axes by default.
+    - `velocity`: of the centre of mass, (3,) m/s in global axes; zero by default.
     - `spin`: (3,) rad/s, in body axes; zero by default.
 
     **Raises:** `ValueError` if a shape is wrong, a number is not finite, or the Euler parameters

@@ -1,9 +1,8 @@
 """Film laws: the force of a lubricant on a journal from its position and rate.
 
-A film depends on the spins of both surfaces only through half their sum: in axes that rotate with
-this speed the gap changes by the own motion of the journal only (O. Reynolds 1886). Film laws
-receive the rate of the journal in these axes, and need neither the separate spins nor the motion of
-the bearing.
+The pressure in a film depends on the spins of journal and bearing only through half their sum (O.
+Reynolds 1886). Film laws therefore receive the rate of the journal's position as seen in axes that
+rotate with this mean speed, and need neither the separate spins nor the motion of the bearing.
 """
 
 import abc
@@ -64,8 +63,8 @@ class FilmGap:
 class AbstractFilm(AbstractConverting):
     """Base class of lubricant films with a dynamic `viscosity`, Pa s.
 
-    A subclass defines the force on the journal. The force and its derivatives must be finite at
-    zero offset and at zero rate, where these vectors have no direction. Test it with
+    A subclass defines `force`, the force on the journal. The force and its derivatives must be
+    finite at zero offset and at zero rate, where these vectors have no direction. Test it with
     `clearjoint.testing.check_film`.
 
     ```python
@@ -98,15 +97,16 @@ class AbstractFilm(AbstractConverting):
     def force(self, gap: FilmGap) -> Vector:
         """Return the force on the journal, N, perpendicular to the axis.
 
-        Its scalar product with the rate of the gap must not be positive: a film dissipates energy.
+        The scalar product of the force and ``gap.rate`` must not be positive, because a film
+        dissipates energy.
         """
 
     def drag(self, gap: FilmGap) -> Scalar:
         """Return the moment on the journal about the bearing's axis, N m; it opposes the spin.
 
-        The default is that of a complete film, -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the
-        viscosity mu, bearing radius R, length L, clearance c and eccentricity ratio eps (A.
-        Sommerfeld 1904).
+        The default is that of a film around the whole circumference without cavitation,
+        -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the viscosity mu, bearing radius R, length L,
+        clearance c and eccentricity ratio eps (A. Sommerfeld 1904).
         """
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
         return (
@@ -119,7 +119,9 @@ class AbstractFilm(AbstractConverting):
         )
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the film law; an empty tuple by default.
+        """Return the quantities on which the validity of the film law depends, with their ranges.
+
+        A warning is issued for a value outside its range. The default is an empty tuple.
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """
@@ -128,11 +130,14 @@ class AbstractFilm(AbstractConverting):
 
 
 class CaponeFilm(AbstractFilm):
-    r"""Film of a short bearing with rotation and squeeze, from the region of positive pressure.
+    r"""Film of a short bearing with rotation and squeeze.
+
+    Only the region of positive pressure counts, since a film can't sustain tension.
 
     $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
-    Here x is the offset, u = |u| e its rate and n the axis; rho = 1 - x.x, d = x.e,
+    Here x is the offset over the clearance, u = |u| e its rate and n the axis; mu is the viscosity,
+    R the bearing's radius, L the length and c the clearance; rho = 1 - x.x, d = x.e,
     q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and
     Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
@@ -154,6 +159,8 @@ class CaponeFilm(AbstractFilm):
     def force(self, gap: FilmGap) -> Vector:
         """Return the force on the journal, N: the integral of the positive pressures."""
         offset, rate = gap.offset, gap.rate
+        # In the formula above, `direction` is e, `along` d, `across` q, `wedge` G, `squeeze` V and
+        # `transverse` Q.
         speed, direction = norm_and_direction(rate)
         rho = 1.0 - offset.dot(offset)
         root = jnp.sqrt(rho)
@@ -174,15 +181,17 @@ class CaponeFilm(AbstractFilm):
 class PinkusSternlichtFilm(AbstractFilm):
     """Film of an infinitely long bearing with squeeze; use it only to reproduce published results.
 
-    With the eccentricity ratio e, its rate e', and w the sum of the spins minus twice the rate of
-    the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). For e' > 0 the radial and
-    tangential forces, over mu L R^3/c^2, are
+    With the eccentricity ratio e, its rate e', and w, the sum of the spins of journal and bearing
+    minus twice the rate of the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). For
+    e' > 0 the radial and tangential forces are
 
         -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
         6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
-    For e' < 0, k replaces k + 3, and the radial force is 6 e' (4 k e^2 - (2 + e^2) pi) .... The
-    cited papers print its leading sign wrongly; the force would jump at e' = 0.
+    They are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
+    clearance c. For e' < 0, k replaces k + 3, and the radial force begins with 6 e' (4 k e^2 -
+    (2 + e^2) pi) instead. The cited papers print its leading sign wrongly; the force would jump at
+    e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
@@ -202,7 +211,7 @@ class PinkusSternlichtFilm(AbstractFilm):
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N, without division by eccentricity or rate."""
+        """Return the force on the journal, N; it is finite at zero eccentricity and zero rate."""
         offset, rate = gap.offset, gap.rate
         square = offset.dot(offset)
         rho = 1.0 - square
@@ -211,6 +220,7 @@ class PinkusSternlichtFilm(AbstractFilm):
         closing, size = offset.dot(rate), jnp.abs(offset.dot(rate))
         # All terms are multiplied by e e', so that nothing is divided by e or e'.
         k_product = speed * root  # k e e'
+        # At rest the factor would be 0/0; any finite number will do, since the force is then zero.
         moves = speed > 0.0
         numerator = k_product + jnp.where(closing > 0.0, 3.0, 0.0) * size
         factor = jnp.where(moves, numerator / jnp.where(moves, k_product + 1.5 * size, 1.0), 1.0)
@@ -221,9 +231,11 @@ class PinkusSternlichtFilm(AbstractFilm):
 
 
 NARROWEST, WIDEST = 0.125, 1.0
-"""Range of the width-to-diameter ratio for which the coefficients were fitted."""
+"""Range of the width-to-diameter ratio for which the coefficients of `ButenschoenFilm` were
+fitted."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio below which the direction of the line of centres fades out."""
+"""Eccentricity ratio below which the vector along the line of centres becomes shorter than a unit
+vector, down to zero for a centred journal, whose line of centres has no direction."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
@@ -250,14 +262,16 @@ the load that squeeze carries."""
 class ButenschoenFilm(AbstractFilm):
     """Film of finite width: fits to solutions of Reynolds' equation for rotation and for squeeze.
 
-    With b = B/D of the film's width and the bearing's diameter, psi = 2c/D, the eccentricity ratio
-    eps at the angle delta, and Omega the sum of the spins minus 2 delta', rotation carries So_D B D
-    mu |Omega|/psi^2 at the angle beta from the line of centres, and squeeze carries So_V B D mu
-    eps'/psi^2 along it. So_D deviates from tabulated values by -3.3 to 6.8 %.
+    Let B be the width of the film, D the bearing's diameter, psi = 2c/D with the clearance c, eps
+    the eccentricity ratio at the angle delta, and Omega the sum of the spins of journal and bearing
+    minus 2 delta'. Rotation carries the load So_D B D mu |Omega|/psi^2 at the angle beta from the
+    line of centres, and squeeze carries So_V B D mu eps'/psi^2 along this line. The load numbers
+    So_D and So_V and the angle beta are fits of B/D and eps. So_D deviates from tabulated values by
+    -3.3 to 6.8 %.
 
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
-    a short bearing use `CaponeFilm`. A centred journal has no line of centres: its direction fades
-    out below an eccentricity ratio of 0.001.
+    a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
+    this line falls smoothly to zero below an eccentricity ratio of 0.001.
 
     **Arguments:** `viscosity`: mu, Pa s. **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1.
 
@@ -278,16 +292,19 @@ class ButenschoenFilm(AbstractFilm):
         """Return the force on the journal, N: the sum of the forces of rotation and squeeze."""
         width = gap.length / (2.0 * gap.bearing_radius)
         ratio, _ = norm_and_direction(gap.offset)
-        # The unit vector along the line of centres, which fades out for a centred journal.
+        # The unit vector along the line of centres; it tends to zero for a centred journal.
         centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
         closing = gap.rate.dot(centres)
         rotation = gap.rate - centres * closing
+        # The part of the rate across the line of centres is eps |Omega|/2, so So_D |Omega| is this
+        # rate times twice So_D/eps, which is finite for a centred journal.
         slope, angle = 2.0 * load_slope(width, ratio), attitude(width, ratio)
         tangential = slope * jnp.sin(angle)
         radial = slope * jnp.cos(angle) * jnp.abs(gap.axis.dot(centres.cross(gap.rate)))
         # An opening film acts like a closing one on the other side of the bearing.
         squeeze = squeeze_load(width, jnp.where(closing < 0.0, -ratio, ratio)) * closing
         scale = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
+        # The film pushes the journal back, against the load that it carries.
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
@@ -298,18 +315,20 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number So_D of steady rotation divided by the eccentricity ratio.
+    """Return the load number So_D of steady rotation, dimensionless, over the eccentricity ratio.
 
-    `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    Its product with this ratio, a rotational speed and a factor of the size gives the load of
+    `ButenschoenFilm`. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio
+    # The closed form for a short bearing, which the fit corrects for a finite width.
     short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
     return width * width * short * numerator * (ratio - 1.0) / (shift + ratio)
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta, rad, from the line of centres to the load that rotation carries.
+    """Return the angle beta, rad, from the line of centres to the load that is carried by rotation.
 
     `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
@@ -318,7 +337,7 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number So_V of squeeze.
+    """Return the load number So_V of squeeze, dimensionless.
 
     `width` is the width-to-diameter ratio B/D. `ratio` is the eccentricity ratio, with a negative
     sign if the eccentricity decreases.

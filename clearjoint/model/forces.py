@@ -1,4 +1,4 @@
-"""Springs, dampers, bushings and applied loads."""
+"""Springs, dampers, bushings and applied loads: force elements without contact."""
 
 import math
 from typing import NamedTuple
@@ -32,7 +32,8 @@ NONE = (0.0, 0.0, 0.0)
 class SpringDamper(AbstractPairAtPoints, AbstractForce):
     """A linear spring and damper between a point of one body and a point of another.
 
-    The force is zero where the points coincide, because it has no direction there.
+    The force acts along the line between the points. It is zero where they coincide, because it has
+    no direction there.
 
     **Arguments:**
 
@@ -64,7 +65,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return length - self.free_length, velocity.dot(direction), direction
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return opposite forces along the line between the points, by body name."""
+        """Return the wrenches of two opposite forces along the line between the points, by body
+        name."""
         del t
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
@@ -74,7 +76,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         }
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the spring's energy, J: half the stiffness times the squared elongation."""
+        """Return the spring's energy, J: half the stiffness times the square of the length beyond
+        the free length."""
         del t
         return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
 
@@ -84,15 +87,16 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return -self.damping * self._stretch(motions)[1] ** 2
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a spring."""
+        """Draw a spring between the points."""
         pen.spring(*self.ends())
 
 
 class TorsionalSpring(AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
-    The angle from the rest position is taken within half a revolution. The torque jumps there,
-    because the bodies' positions don't determine the number of revolutions.
+    The spring's twist, the angle between the bodies less the rest angle, is taken within half a
+    revolution, because the bodies' positions don't determine the number of revolutions. The torque
+    therefore jumps where the twist is half a revolution.
 
     **Arguments:**
 
@@ -101,7 +105,7 @@ class TorsionalSpring(AbstractDriveTorque):
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
     - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
-    - `rest_angle`: rad, of the unloaded spring.
+    - `rest_angle`: angle of the unloaded spring, rad; zero by default.
 
     **Raises:** `ValueError` if a value is outside its range.
 
@@ -121,7 +125,8 @@ class TorsionalSpring(AbstractDriveTorque):
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque on the second body, N m, from angle, rad, and speed, rad/s."""
+        """Return the torque on the second body, N m, from the angle of this body relative to the
+        first, rad, and its rate, rad/s."""
         del t
         return -(self.stiffness * self._twist(angle) + self.damping * speed)
 
@@ -142,7 +147,7 @@ class TorsionalSpring(AbstractDriveTorque):
 class AppliedLoad(AbstractForce):
     """A force and a torque on a body in global axes, constant or functions of time.
 
-    For a load that depends on the motion subclass `AbstractForce`.
+    For a load that depends on the motion, subclass `AbstractForce`.
 
     ```python
     import clearjoint as cj
@@ -161,10 +166,10 @@ class AppliedLoad(AbstractForce):
     **Arguments:**
 
     - `body`: its name.
-    - `force`: (3,) N. `torque`: (3,) N m. Each component is a number or a function of time as for
-      `DriveTorque`. Instead of three components, a table with values (N, 3) or a Python function
-      that returns three numbers may be passed.
-    - `point`: where the force acts, (3,) m in body axes.
+    - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
+      table such as `PiecewiseConstant`, or a Python function of the time in s. Instead of three
+      components, a table with values (N, 3) or a function that returns three numbers may be passed.
+    - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
     **Raises:** `ValueError` if a component is neither a number nor a function of time, or their
     number is not three.
@@ -196,7 +201,10 @@ class AppliedLoad(AbstractForce):
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
 
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of the components that are functions of time, s."""
+        """Return the times, s, at which components that are functions of time jump or have kinks.
+
+        Integration steps end there.
+        """
         return breakpoints_of(self.force, self.torque)
 
     def draw(self, pen: AbstractPen) -> None:
@@ -211,7 +219,7 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 
 
 class _Strain(NamedTuple):
-    """Deformation of the bushing, with components along its axes.
+    """Deformation of a bushing, with components along its axes.
 
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
@@ -236,7 +244,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     dissipation d s'^2 + b r'^2, summed over the axes. Rotations may therefore be large: about one
     axis the moment is exactly c times the angle, the order of rotations about several axes doesn't
     matter, and the elastic forces are conservative. The rotation must stay below half a revolution,
-    where a rotation vector is singular.
+    where a rotation vector is singular. Here k, d, c and b are the stiffnesses and dampings below.
 
     **Arguments:**
 
@@ -244,10 +252,10 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     - `point_first`, `point_second`: (3,) m in body axes.
     - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
     - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
-      (3,).
-    - `orientation_first`, `orientation_second`: (4,) Euler parameters that transform components in
-      the bushing's frame to each body's frame; the body's frame by default. The two frames are
-      parallel in the relaxed bushing.
+      (3,). They and the damping are zero by default.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
+      components along the bushing's axes to each body's frame; these axes are the body's by
+      default. In the relaxed bushing, the axes that the two bodies define are parallel.
 
     **Raises:** `ValueError` if a number is negative or an orientation is invalid.
 
@@ -332,7 +340,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a spring."""
+        """Draw a spring between the points."""
         pen.spring(*self.ends())
 
 

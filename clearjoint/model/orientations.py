@@ -32,17 +32,21 @@ def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
 
     **Arguments:**
 
-    - `axis`: (3,), any length; its components are the same in both frames.
+    - `axis`: (3,), any length. A rotation does not change the components of its axis, so they may
+      be given in the frame before or after the rotation.
     - `angle`: rad, right-handed.
 
-    **Returns:** (4,) Euler parameters, scalar first.
+    **Returns:** (4,) Euler parameters, scalar first. They transform components in the rotated frame
+    to the original frame.
 
     **Raises:** `ValueError` if the axis has zero length or a number is not finite.
+    **Warns:** `UnusualValueWarning` if the angle exceeds two revolutions.
     """
     vector, radians = as_number(axis), as_number(angle)
     require_axis("axis", vector)
     require_shape("angle", radians, (), "pass one number in rad")
     caution_above("angle", abs(radians), "rad", MOST_REVOLUTIONS * 2.0 * math.pi, "give it in rad")
+    # Known numbers stay in NumPy, so that nothing is compiled when a scene is built.
     numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
     direction = vector / numpy.sqrt(vector @ vector)
     sine, cosine = numpy.sin(0.5 * radians), numpy.cos(0.5 * radians)

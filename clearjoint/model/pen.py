@@ -41,7 +41,7 @@ class Marker(NamedTuple):
 
 
 class AbstractPen(abc.ABC):
-    """Interface that draws symbols at the markers of one or two bodies.
+    """Interface that draws symbols at markers, which are points of one or two bodies.
 
     In a method with two markers, the first belongs to the element's first body. In this example an
     element draws itself as a spring:
@@ -59,7 +59,8 @@ class AbstractPen(abc.ABC):
             return {}
 
         def draw(self, pen):
-            pen.spring(Marker("ground", (0, 0, 1)), Marker(self.body, (0, 0, 0)))
+            top = cj.extend.Marker("ground", (0, 0, 1))
+            pen.spring(top, cj.extend.Marker(self.body, (0, 0, 0)))
 
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"rope": Rope("ball")})
     ```
@@ -67,7 +68,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def mark(self, marker: Marker) -> None:
-        """Draw a dot at a point that has no specific symbol."""
+        """Draw a dot at a point for which no other method has a symbol."""
 
     @abc.abstractmethod
     def weld(self, first: Marker, second: Marker) -> None:
@@ -106,7 +107,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple) -> None:
-        """Draw a force, (3,) N in global axes, at a point."""
+        """Draw an arrow for a force, (3,) N in global axes, that acts at a point."""
 
     @abc.abstractmethod
     def bearing(
@@ -121,7 +122,8 @@ class AbstractPen(abc.ABC):
         """Draw a journal in a bearing, each along the axis of its marker.
 
         **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
-        ``None`` if unknown. `clearance`: radial, m. `length`: of the journal, m.
+        ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.
+        `length`: of the journal, m.
         """
 
     @abc.abstractmethod
@@ -140,16 +142,16 @@ class AbstractPen(abc.ABC):
 
         - `middle`: a point midway between the walls.
         - `runner`: centre of the part; the walls are as long as its path.
-        - `normal`: of the walls, (3,) in the axes of the body of `middle`.
-        - `distance`: of the walls, m.
+        - `normal`: of the walls, (3,) in the axes of the body of `middle`, any length.
+        - `distance`: between the two walls, m.
         """
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a block.
+        """Draw a rectangular block, such as a slider between walls.
 
-        **Arguments:** `centre`: of the block, with an axis. `normal`: (3,) in the same body's axes.
-        `length`: along the axis, m. `height`: along the normal, m.
+        **Arguments:** `centre`: of the block, with an axis. `normal`: (3,) in the same body's axes,
+        perpendicular to the axis. `length`: along the axis, m. `height`: along the normal, m.
         """
 
     @abc.abstractmethod
@@ -165,6 +167,6 @@ class AbstractPen(abc.ABC):
         - `centre`: of the gear, with its axis.
         - `radius`: of the pitch circle, m, negative for an internal gear.
         - `teeth`: number of teeth.
-        - `phase`: angle of the middle of a tooth, rad, from the first transverse axis of the
-          marker's axis.
+        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from a direction that
+          depends on the axis only: the first of its `transverse_axes`.
         """

@@ -2,10 +2,11 @@
 
 A profile is given by its support function p(u): the distance from the centre to the tangent that is
 perpendicular to the unit vector u. With it the penetration of two convex shapes is exact. A journal
-with the support function p_J is inside a bearing with p_B, at an eccentricity e, if
-e.u + p_J(u) <= p_B(u) for every u. The largest difference of the two sides is the penetration, and
-the u where it occurs is the normal of the contact. The radius measured along u differs from p(u) by
-about s^2/(2 R) only, with the slope s of the deviation: 5e-10 m for 3 um per rad and R = 10 mm.
+with the support function p_J, displaced from the centre of a bearing with p_B by the vector e, is
+inside the bearing if e.u + p_J(u) <= p_B(u) for every u. The largest value of the left side minus
+the right side is the penetration, and the u where it occurs is the normal of the contact. The
+radius measured along u differs from p(u) by about s^2/(2 R) only, with the slope s of the deviation
+and the radius R: 5e-10 m for 3 um per rad and R = 10 mm.
 """
 
 import abc
@@ -35,9 +36,11 @@ NEWTON_STEPS = 4
 FEWEST_ANGLES = 16
 """Smallest number of evenly spaced angles at which `closest_approach` begins to search."""
 MOST_ANGLES = 48
-"""Largest number of these angles; more would not be written out by the native compiler."""
+"""Largest number of these angles. The native compiler turns an array of up to this length into
+separate numbers; a longer one is kept in memory and processed by slower loops."""
 ANGLES_PER_WAVE = 8
-"""Number of angles that resolve a wave of the highest harmonic."""
+"""Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
+closest approach."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -64,9 +67,10 @@ class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
     A subclass defines `at`, which must be twice continuously differentiable, and `angles`. The
-    angle is measured about the axis, from the x axis towards the y axis of the part's own frame
-    (the frame of `clearjoint.quantities.JournalOffset`). A positive deviation enlarges the radius:
-    it removes material from a bearing and adds material to a journal.
+    angle is measured about the axis, from the x axis towards the y axis of the part's own frame,
+    whose z axis is that of the part (the frame of `clearjoint.quantities.JournalOffset`). A
+    positive deviation enlarges the radius: it removes material from a bearing and adds material to
+    a journal.
 
     ```python
     import clearjoint as cj
@@ -90,7 +94,10 @@ class AbstractProfile(AbstractConverting):
 
     @abc.abstractmethod
     def angles(self) -> int:
-        """Return how many evenly spaced angles resolve the profile."""
+        """Return how many evenly spaced angles resolve the waves of the profile.
+
+        The search for the closest approach of journal and wall begins at the best of them.
+        """
 
 
 class Harmonics(AbstractProfile):
@@ -147,7 +154,10 @@ class Harmonics(AbstractProfile):
         return Deviation(value, slope, bend)
 
     def angles(self) -> int:
-        """Return eight angles for each wave of the highest harmonic."""
+        """Return the number of evenly spaced angles that resolve the profile.
+
+        It is eight for each wave of the highest harmonic.
+        """
         return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
 
 
@@ -191,7 +201,8 @@ class PeriodicSpline(AbstractProfile):
         """Return the deviation at an angle, rad, or at an array of angles."""
         count = self.angles()
         per_knot = count / (2.0 * np.pi)
-        # Known angles are computed by NumPy, so that the program need not search for their knots.
+        # The knots next to angles that are known before compilation are found by NumPy, so that
+        # the compiled program need not search for them.
         numpy = library((angle,))
         turns = numpy.asarray(angle, float) / (2.0 * np.pi)
         position = (turns - numpy.floor(turns)) * count
@@ -212,14 +223,15 @@ class PeriodicSpline(AbstractProfile):
         return periodic(on_device(self.coefficients), knot)
 
     def angles(self) -> int:
-        """Return the number of knots."""
+        """Return the number of evenly spaced angles that resolve the profile: that of the knots."""
         return np.shape(self.coefficients)[0]
 
 
 def periodic(row: jax.Array, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
     """Return four entries of a periodic row, (..., 4), from the one before the index `knot` on."""
-    # One gather for the four entries. The row continues with its first entries, four of them since
-    # rounding may make the fraction of a turn exactly 1, and the knot the length of the row.
+    # One gather for the four entries. The row continues after its end with its first three entries:
+    # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
+    # and the knot the length of the row.
     row = jnp.concatenate([row[-1:], row, row[:3]])
     return row.at[knot[..., None] + np.arange(4)].get(mode="promise_in_bounds")
 
@@ -227,10 +239,10 @@ def periodic(row: jax.Array, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Ar
 class Approach(NamedTuple):
     """Direction in which a journal comes closest to the wall, and the contact there.
 
-    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section.
-    - `depth`: penetration, m, negative without contact.
-    - `journal`: deviation of the journal there, with derivatives by the angle about its own axis;
-      zeros for a circle.
+    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from its x axis.
+    - `depth`: penetration in this direction, m, negative without contact.
+    - `journal`: deviation of the journal from its circle in this direction, with derivatives by the
+      angle about the journal's own axis; zeros for a circle.
     """
 
     cosine: Scalar
@@ -262,18 +274,19 @@ def closest_approach(
     journal: AbstractProfile | None,
     axes: PlanarAxes,
 ) -> Approach:
-    """Return where a journal comes closest to the wall, or penetrates it most.
+    """Return where a journal comes closest to the wall of its bearing, or penetrates it most.
 
-    The penetration is the maximum over the angle of x cos + y sin - clearance - (deviation of the
-    wall) + (deviation of the journal). The search begins at the best of evenly spaced angles and
-    ends with Newton steps, so it finds the largest of several maxima if the angles resolve them.
+    The penetration is the maximum over the angle of x cos(angle) + y sin(angle) - clearance -
+    (deviation of the wall) + (deviation of the journal). The search begins at the best of evenly
+    spaced angles and ends with Newton steps, so it finds the largest of several maxima if the
+    angles resolve them. There are at most `MOST_ANGLES` of these angles.
 
     **Arguments:**
 
-    - `x`, `y`: eccentricity, m in the bearing's frame.
+    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m in its frame.
     - `clearance`: m, between the circles from which the profiles deviate.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
-    - `axes`: of the journal.
+    - `axes`: the journal's x and y axes in the bearing's frame.
     """
     # The direction is found without derivatives; only the last Newton step has some.
     shapes = x, y, bearing, journal, axes
@@ -283,12 +296,14 @@ def closest_approach(
     spacing = 2.0 * np.pi / count
     angles = np.arange(count) * spacing
     found = overlaps(*constant[:2], angles, *constant[2:])
-    # Not an argmax, of which XLA aborts to compile two in one program (jaxlib 0.10).
+    # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided, since
+    # XLA aborts when it compiles two of them in one program (jaxlib 0.10).
     start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
 
     # A loop, since steps that are written out would take longer to compile.
     def refine(k: jax.Array, angle: Scalar) -> Scalar:
         del k
+        # Within one spacing, a step can't leave the highest maximum for another one.
         closer = angle + _newton_step(angle, *constant)
         return jnp.clip(closer, start - spacing, start + spacing)
 
@@ -311,6 +326,8 @@ def _newton_step(
 ) -> Scalar:
     """Return the change of an angle, rad, that leads to the maximum of `overlaps`, or zero if the
     second derivative is not that of a maximum."""
+    # First and second derivative of the penetration by the angle. Those of the journal's deviation
+    # contain the rate of the angle about its own axis, which may be tilted.
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
     wall = _ROUND if bearing is None else bearing.at(angle)
     part, rate, change = _of_journal(cosine, sine, journal, axes)
@@ -327,10 +344,12 @@ def overlaps(
     journal: AbstractProfile | None,
     axes: PlanarAxes,
 ) -> Scalar:
-    """Return the penetration plus the clearance in the directions of given angles, m.
+    """Return the overlap of journal and wall in given directions, m, if the clearance were zero.
 
-    The arguments are those of `closest_approach`, and `angle`: in the bearing's cross-section, rad,
-    a number or an array.
+    It is the penetration plus the clearance.
+
+    **Arguments:** `angle`: of the direction in the bearing's cross-section, rad, a number or an
+    array. The others are those of `closest_approach`.
     """
     numpy = library((angle,))
     cosine, sine = numpy.cos(angle), numpy.sin(angle)
@@ -344,11 +363,16 @@ def _of_journal(
 ) -> tuple[Deviation, Scalar, Scalar]:
     """Return the journal's deviation in a direction of the bearing's cross-section.
 
+    **Arguments:** `cosine`, `sine`: of the direction's angle. `journal`, `axes`: as for
+    `closest_approach`.
+
     **Returns:** the deviation, and the first and second derivative of the angle about the journal's
     own axis by the angle in the cross-section.
     """
     if journal is None:
         return _ROUND, 0.0, 0.0
+    # Components of the direction along the journal's axes. Their polar angle is that about the
+    # journal's axis; for a journal that is not tilted, its rate is 1 or -1.
     along_x = axes.x_along_x * cosine + axes.x_along_y * sine
     along_y = axes.y_along_x * cosine + axes.y_along_y * sine
     square = along_x * along_x + along_y * along_y
@@ -361,7 +385,8 @@ def _of_journal(
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Check that a journal in the centre of its bearing touches the wall at no relative angle.
+    """Check that a journal in the centre of its bearing doesn't touch the wall, however the two are
+    rotated relative to each other.
 
     **Arguments:** `clearance`: m, between the circles; `bearing`, `journal`: the profiles, or
     ``None``.
@@ -374,6 +399,7 @@ def require_room(
     if (known := checkable(clearance, *deviations)) is None:
         return
     width, wall, part = known
+    # The highest point of the journal may face the point where the bearing is narrowest.
     least = part.max() - wall.min()
     require(
         width > least,
@@ -389,8 +415,10 @@ def caution_two_contacts(
 ) -> None:
     """Warn if the journal may touch the wall at two points that are close to each other.
 
-    It touches at one point if the wall's radius of curvature, R + h + h'', exceeds the journal's
-    everywhere. The arguments are those of `require_room`.
+    The model has one contact, the deepest, in each cross-section. The journal touches at one point
+    only if the radius of curvature of the wall exceeds that of the journal everywhere. It is
+    R + h + h'' for a circle of radius R and a deviation h, whose second derivative by the angle is
+    h''. The arguments are those of `require_room`.
     """
     if bearing is None and journal is None:
         return
@@ -399,6 +427,7 @@ def caution_two_contacts(
     width = concrete(clearance)
     if width is None or curvatures[0] is None or curvatures[1] is None:
         return
+    # The radius of the bearing's circle exceeds that of the journal's by the clearance.
     least = float(width + curvatures[0].min() - curvatures[1].max())
     caution_unless(
         least > 0.0,
@@ -412,7 +441,10 @@ def caution_two_contacts(
 
 
 def _sampled(profile: AbstractProfile | None) -> Deviation:
-    """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
+    """Return the deviation at evenly spaced angles, four times as many as resolve the profile.
+
+    For a circle, whose profile is ``None``, it is zero at one angle.
+    """
     if profile is None:
         return Deviation(*(np.zeros(1),) * 3)
     count = 4 * profile.angles()

@@ -1,4 +1,4 @@
-"""The scene: bodies, joints, forces and gravity by name."""
+"""The scene: the bodies, joints and forces of a mechanism by name, and gravity."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -27,12 +27,19 @@ from .joints.base import (
 def unheld_drives(
     joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
 ) -> list[str]:
-    """Return the names of the drives about an axis whose two bodies no chain of joints connects."""
+    """Return the names of the drives about an axis whose two bodies no chain of joints connects.
+
+    A drive doesn't hold its axis, so that these bodies would move apart. The constructor of `Scene`
+    warns of them.
+
+    **Arguments:** `joints`, `forces`: the elements of a scene by name.
+    """
     drives = {
         name: element
         for name, element in {**joints, **forces}.items()
         if isinstance(element, AbstractDrive)
     }
+    # A driver is among the joints, but it doesn't hold its axis, so it connects no bodies here.
     links = [joint.body_names() for name, joint in joints.items() if name not in drives]
     return [
         name
@@ -42,7 +49,10 @@ def unheld_drives(
 
 
 def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """Return the bodies that chains of links, the names in each joint, connect with a body."""
+    """Return the names of the bodies that chains of joints connect with a body, and its own name.
+
+    **Arguments:** `links`: names of the bodies of each joint.
+    """
     connected, remaining = {body}, [set(link) for link in links]
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
@@ -51,10 +61,10 @@ def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
 
 
 FARTHEST = 100.0
-"""Ratio of a point's distance from the centre of mass to the radius of gyration, above which a
-warning is issued."""
+"""Ratio of a point's distance from the centre of mass to the body's radius of gyration, above which
+a warning is issued, since a length in mm may have been given."""
 STRONGEST_GRAVITY = 1e3
-"""Acceleration of gravity above which a warning is issued, m/s^2."""
+"""Acceleration of gravity, m/s^2, above which a warning is issued, since it may be in mm/s^2."""
 
 
 class Scene(AbstractReadable):
@@ -72,7 +82,8 @@ class Scene(AbstractReadable):
 
     **Raises:** `ValueError` if there is no body, an element has the wrong class or names an unknown
     body, or a joint and a force have the same name.
-    **Warns:** `LooseBodyWarning` if nothing acts on a body, or no joint holds the axis of a drive.
+    **Warns:** `LooseBodyWarning` if nothing acts on a body, or no joint holds the axis of a drive;
+    `UnusualValueWarning` if a point is far from its body's centre of mass, or gravity is large.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -97,7 +108,7 @@ class Scene(AbstractReadable):
     ):
         self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
         self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
-        self.forces = named("forces", forces, "pass for example {name: Spring(...)}")
+        self.forces = named("forces", forces, "pass for example {name: SpringDamper(...)}")
         self.gravity = gravity
 
     def _check_together(self) -> None:
@@ -150,12 +161,16 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return ``laws[joint][contact]`` of the joints that have bristle laws."""
+        """Return the friction laws with bristles, ``laws[joint][contact]``.
+
+        Joints without such a law are left out.
+        """
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
-        """Return the normal laws, ``laws[joint][contact]``, by joint name and contact label."""
+        """Return the laws of the normal force, ``laws[joint][contact]``, by name of the joint and
+        label of the contact."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
@@ -171,7 +186,10 @@ def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) ->
 
 
 def _hint_for(element: object) -> str:
-    """Return the end of an error message: in which argument of `Scene` an element belongs."""
+    """Return the end of an error message for an element in the wrong argument of `Scene`.
+
+    It names the argument in which the element belongs, and is empty if there is none.
+    """
     families = {
         "bodies": Body,
         "joints": (AbstractConstraint, AbstractContactJoint),
@@ -182,21 +200,27 @@ def _hint_for(element: object) -> str:
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that all bodies that an element, named by `argument`, names are in the scene."""
+    """Check that the scene has all bodies whose names an element contains.
+
+    **Arguments:** `argument`: name of the element in the error message; `bodies`: of the scene.
+    """
     known = {GROUND, *bodies}
     for name in element.body_names():
         if name in known:
             continue
         remedy = nearest(name, known, "correct the name, or add the body to the scene")
         expected = f"between known bodies {sorted(known)}"
+        # The message names the field that holds this very string.
         fields = [f".{key}" for key, value in vars(element).items() if value is name]
         require(False, f"{argument}{''.join(fields[:1])}", name, expected, remedy)
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of an element's points far from their body's centre of mass: their unit may be wrong.
+    """Warn of points of an element far from their body's centre of mass, whose unit may be wrong.
 
-    `argument` names the element in the warning. Points with traced numbers are not checked.
+    Points with traced numbers are not checked.
+
+    **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
     """
     for name, body, point in element.attachments():
         numbers = (bodies[body], point) if body in bodies else ()

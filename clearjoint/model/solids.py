@@ -1,4 +1,9 @@
-"""Mass and principal moments of homogeneous solids, from dimensions and a mass or density."""
+"""Mass and principal moments of inertia of homogeneous solids.
+
+The functions compute them from the dimensions and either a mass or a density, for the methods
+`rod`, `cylinder`, `box` and `sphere` of `Body`. They check the arguments and raise a `ValueError`
+that names the invalid one.
+"""
 
 import math
 
@@ -19,13 +24,15 @@ from .densities import STEEL
 AXES = ("x", "y", "z")
 METRES = "give it in m"
 LIGHTEST, HEAVIEST = 10.0, 25e3
-"""Usual range of the density of solids, kg/m^3, from foams to platinum."""
+"""Range of the density of solids, kg/m^3, from foams to platinum, outside which a warning is
+issued."""
 Number = PyTree
-"""A number that a user passes, with or without unit, or that JAX traces; ``None`` if not given."""
+"""A number that a user passes, which JAX may trace; ``None`` if it is not given."""
 
 
 Solid = tuple[ArrayLike, PyTree]
-"""Mass, kg, and principal moments about the centre of mass along x, y and z, (3,) kg m^2."""
+"""Mass, kg, and principal moments about axes along x, y and z through the centre of mass, (3,)
+kg m^2."""
 
 
 def require_one(mass: Number, density: Number) -> None:
@@ -39,8 +46,10 @@ def require_one(mass: Number, density: Number) -> None:
 def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     """Return mass and moments of a thin rod from its length, m, and mass, kg.
 
-    The moments across the axis are m l^2/12. The moment about the axis is that of a round steel bar
-    of this mass and length, which must be longer than thick. `axis` is "x", "y" or "z".
+    The moments across the axis are m l^2/12. A thin rod has no moment about its axis, but a body
+    needs one: it is that of a round steel bar of this mass and length. `axis` is "x", "y" or "z".
+
+    **Raises:** `ValueError` if the steel bar would be thicker than long.
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
@@ -104,13 +113,20 @@ def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Numb
 
 
 def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
-    """Return a solid of revolution about "x", "y" or "z" from its moments, kg m^2."""
+    """Return the solid of revolution about an axis "x", "y" or "z".
+
+    **Arguments:** `mass`: kg; `about`: moment about this axis; `across`: moment about each of the
+    other two, kg m^2.
+    """
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
     return mass, as_numbers([about if axis == name else across for name in AXES])
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
-    """Return the mass, kg, if given, otherwise density, kg/m^3, times volume, m^3."""
+    """Return the mass, kg, if it is given, otherwise the density, kg/m^3, times the volume, m^3.
+
+    An unusual density gives a warning.
+    """
     require_one(mass, density)
     if mass is not None:
         return _number("mass", mass, "give it in kg")

@@ -8,7 +8,7 @@ from .scene import Scene
 
 
 class Bore(NamedTuple):
-    """Radius of a bearing or socket, m, or ``None`` if unknown; and its clearance, m."""
+    """Hole of a bearing or socket: its radius, m, or ``None`` if unknown, and its clearance, m."""
 
     radius: float | None
     clearance: float
@@ -17,10 +17,14 @@ class Bore(NamedTuple):
 class SurveyingPen(AbstractPen):
     """Collects the markers of elements, instead of drawing them.
 
+    A marker is a point of a body with an optional axis. `survey` passes the pen to the method
+    `draw` of each element. The result serves to arrange the bodies of a scene and to choose the
+    sizes and the viewing direction of a figure.
+
     - `markers`: all markers.
-    - `joined`: pairs of markers whose points are put together when bodies are arranged, with
-      parallel axes if both have one. A sliding block is put to the point of its rail's marker,
-      although it may be anywhere along the rail.
+    - `joined`: pairs of markers on the two bodies of a joint. The first arrangement of the bodies
+      makes their points coincide, and their axes parallel if both have one. The pair of a sliding
+      joint is among them although its block may be anywhere along the rail.
     - `bores`: the bores of all journals and balls with clearance.
     """
 
@@ -39,11 +43,16 @@ class SurveyingPen(AbstractPen):
         self.joined.append((self.markers[-2], self.markers[-1]))
 
     def cross(self, *drawn: object, **named: object) -> None:
-        """Add two markers as `weld` does, but without their axes, which are not parallel."""
+        """Add two markers as `weld` does, but without their axes, since these need not be
+        parallel."""
         self.weld(*map(_without_axis, (*drawn, *named.values())))
 
     def block(self, *drawn: object, **named: object) -> None:
-        """Add the centre without its axis, which lies in the plane of motion."""
+        """Add the centre without its axis.
+
+        The other axes are mostly axes of rotation and show from where to view a planar mechanism,
+        but that of a block lies in the plane of motion.
+        """
         self.mark(*map(_without_axis, (*drawn, *named.values())))
 
     def bearing(
@@ -53,6 +62,7 @@ class SurveyingPen(AbstractPen):
         self.weld(*drawn, **named)
         self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
 
+    # The other methods of a pen, by what the survey needs of them: points, pairs, or also bores.
     rod = spring = load = roller = gear = mark
     pin = ball = slide = plane = weld
     walls = cross

@@ -1,7 +1,7 @@
 """Scalar quantities of a mechanism at an instant, for reductions, sections and measurements.
 
-Any function of an `Instant` can be used as a quantity. The classes below know their units and
-compare by value, so that equal quantities don't recompile.
+Any function of an `Instant`, one time of a run, can be used as a quantity. The classes below know
+their units. They compare by value, so that a program is not compiled again for an equal quantity.
 
 | sensor | quantity |
 |---|---|

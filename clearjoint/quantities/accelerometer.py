@@ -1,4 +1,7 @@
-"""An accelerometer with limited bandwidth: a seismic mass on a spring and a damper."""
+"""An accelerometer with limited bandwidth: a seismic mass on a spring and a damper.
+
+It is added to a scene as a further body, joint and force.
+"""
 
 import math
 from typing import ClassVar, NamedTuple
@@ -26,18 +29,20 @@ from .base import AbstractQuantity, require_known
 from .instant import Instant
 
 ARM = 1e-2
-"""Free length of the spring, m; it is much longer than the deflections, which are micrometres."""
+"""Free length of the spring, m. It is much longer than the deflections, which are micrometres."""
 SHARE = 1e-6
-"""Default ratio of the sensor's mass to the body's mass."""
+"""Default ratio of the sensor's mass to the body's mass, which hardly affects the motion."""
 RADIUS = 1e-3
-"""Radius of gyration of the seismic mass, m."""
+"""Radius of gyration of the seismic mass, m. It has almost no effect, because the mass can't rotate
+on its body."""
 BUTTERWORTH = math.sqrt(0.5)
+"""Damping ratio of a second-order Butterworth filter, whose response is the flattest possible."""
 SPRING = " spring"
 """Suffix of the name of a sensor's spring."""
 
 
 class AccelerometerReading(AbstractQuantity):
-    """Signal of an accelerometer created by `clearjoint.accelerometer`, m/s^2.
+    """Signal of an accelerometer that `clearjoint.accelerometer` has added to a scene, m/s^2.
 
     **Arguments:** `sensor`: name of the sensor, which is that of its body and joint in the scene.
 
@@ -60,7 +65,7 @@ class AccelerometerReading(AbstractQuantity):
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the force of the sensor's spring over its mass, m/s^2."""
+        """Return the force of the sensor's spring along its axis over its mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
@@ -70,7 +75,7 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """Result of `accelerometer`: a scene and a state with a sensor, and the quantity of its signal.
+    """Result of `accelerometer`: a scene and a state with a sensor, and its signal as a quantity.
 
     - `scene`: the mechanism with the sensor's body, joint and spring.
     - `state`: the state with the sensor's body.
@@ -108,9 +113,10 @@ def accelerometer(
     default z = sqrt(1/2) is a Butterworth filter. Impacts that last microseconds thus become
     signals as long as the sensor's response, which can be sampled and fitted.
 
-    The sensor is part of the mechanism: derivatives are exact, it starts at rest under gravity, and
-    its frequency and damping, the ``stiffness`` and ``damping`` of its spring, can be estimated.
-    Integration steps are limited to a fraction of 1 / w.
+    The sensor is part of the mechanism, so that derivatives of its signal by parameters are exact.
+    Its frequency and damping can be estimated, as the ``stiffness`` and ``damping`` of its spring.
+    It starts at rest on its body, with the deflection that gravity causes. Integration steps become
+    as short as a fraction of 1/w.
 
     ```python
     import clearjoint as cj
@@ -134,7 +140,7 @@ def accelerometer(
     - `damping_ratio`: positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which doesn't affect the
       motion.
-    - `name`: of the sensor's body and joint; by default the body's name followed by
+    - `name`: of the sensor's body and of its joint; by default the body's name followed by
       " accelerometer". The spring's name is this name followed by " spring".
 
     **Returns:** `Accelerometer`, a tuple of the scene and the state with the sensor, and the
@@ -182,7 +188,9 @@ def accelerometer(
 
 
 def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
-    """Check that scene and state have the body, and that the sensor's name is not in use.
+    """Check that scene and state have the body, and that the sensor's names are not in use.
+
+    **Arguments:** `body`: name of the body that carries the sensor; `name`: that of the sensor.
 
     **Raises:** `ValueError` otherwise.
     """
@@ -206,6 +214,7 @@ def _state_at_rest(
     - `direction`: of the sensor, a unit vector (3,) in the body's axes.
     - `speed`: angular frequency of the mass on its spring, rad/s.
     """
+    # The body's rotation of a vector q v q*, by its Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)
 
@@ -214,6 +223,7 @@ def _state_at_rest(
         return local + scalar * across + np.cross(axis, across)
 
     gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity)
+    # At rest the spring carries the weight: its deflection is the gravity along the axis over w^2.
     arm = position + direction * float(gravity @ in_global_axes(direction)) / speed**2
     spin = np.asarray(body.spin)
     return body_state(

@@ -1,4 +1,7 @@
-"""Base class of the quantities, and checks of their arguments."""
+"""Base class of the quantities, and checks of their arguments.
+
+A quantity is a scalar function of an instant of a run, such as the signal of a sensor.
+"""
 
 import abc
 from collections.abc import Callable, Collection
@@ -26,7 +29,7 @@ Axes = Literal["global", "body"]
 >>> sensor = cj.quantities.PointAcceleration("arm 2", (0.5, 0, 0), "x", axes="body")
 """
 Quantity = Callable[[Instant], Scalar]
-"""A scalar function of an instant, such as those of `clearjoint.quantities`.
+"""A scalar function of an instant, in SI units, such as those of `clearjoint.quantities`.
 
 >>> def clock(now: extend.Instant) -> float:
 ...     return now.time
@@ -35,12 +38,13 @@ Quantity = Callable[[Instant], Scalar]
 
 
 class AbstractQuantity(eqx.Module):
-    """Base class of quantities: scalar functions of an instant with a unit and a check.
+    """Base class of quantities: scalar functions of an instant of a run, with a unit and a check.
 
-    - `unit`: SI unit as text; ``None`` if it depends on the scene.
-    - `period`: 2 pi for an angle, whose differences are taken modulo 2 pi; otherwise ``None``.
+    - `unit`: SI unit of the value as text; ``None`` if it depends on the scene.
+    - `period`: 2 pi for an angle, so that differences from measured angles are taken modulo 2 pi;
+      otherwise ``None``.
 
-    All fields of a subclass must be static: a quantity is part of the compiled program.
+    All fields of a subclass must be static, because a quantity is part of the compiled program.
 
     ```python
     from typing import ClassVar
@@ -68,7 +72,7 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def __call__(self, now: Instant) -> Scalar:
-        """Return the quantity at an instant, in the SI unit `unit`."""
+        """Return the value of the quantity at an instant, in the SI unit `unit`."""
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
@@ -79,7 +83,9 @@ class AbstractQuantity(eqx.Module):
 
 
 def check_quantity(argument: str, function: object, scene: Scene) -> None:
-    """Check that a scene has the elements that a quantity names; other functions are not checked.
+    """Check that a scene has the elements that a quantity names.
+
+    `function` may be any function of an instant; only an `AbstractQuantity` is checked.
 
     **Raises:** `ValueError` that begins with `argument`, the name under which the user passed the
     quantity, and lists the available names.
@@ -92,7 +98,9 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that a value can be called with an instant.
+    """Check that a value can be called with an instant, as a quantity or a function can.
+
+    A class is refused, such as ``Position`` without its arguments.
 
     **Raises:** `ValueError` that begins with `argument`, the name of the user's argument.
     """
@@ -115,7 +123,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 def require_choice(argument: str, value: str | None, allowed: tuple[str | None, ...]) -> None:
     """Check that a value is one of those allowed.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` that begins with `argument` and lists the allowed values.
     """
     require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
 
@@ -139,12 +147,16 @@ def as_axes(value: Axes) -> Axes:
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:
-    """Return numbers, (N,), as a tuple, which unlike an array compares and hashes by value."""
+    """Return numbers, (N,), as a tuple.
+
+    Static fields of quantities need it, because a tuple compares and hashes by value, unlike an
+    array.
+    """
     return tuple(np.atleast_1d(as_number(values)).tolist())
 
 
 def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
-    """Return numbers, (N,), as a tuple, or ``None`` unchanged."""
+    """Return numbers, (N,), as a tuple as `numbers` does, or ``None`` unchanged."""
     return None if values is None else numbers(values)
 
 

@@ -38,8 +38,9 @@ class AbstractBodyQuantity(AbstractQuantity):
     applies_to_ground: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a body of this name, which may be the ground if
-        `applies_to_ground` is true.
+        """Check that the scene has a body of this name.
+
+        The ground is accepted too if `applies_to_ground` is true.
 
         **Raises:** `ValueError` with the names of the bodies.
         """
@@ -77,7 +78,7 @@ class Velocity(AbstractBodyQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the velocity of the centre of mass, m/s."""
+        """Return the component or magnitude of the centre of mass's velocity, m/s."""
         return component_or_magnitude(now.motions[self.body].velocity, self.component)
 
 
@@ -95,7 +96,7 @@ class Acceleration(AbstractBodyQuantity):
     applies_to_ground: ClassVar[bool] = False
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the acceleration of the centre of mass, m/s^2."""
+        """Return the component or magnitude of the centre of mass's acceleration, m/s^2."""
         return component_or_magnitude(now.dynamics.accelerations[self.body].linear, self.component)
 
 
@@ -146,7 +147,7 @@ class PointVelocity(AbstractPointQuantity):
     unit: ClassVar[str | None] = "m/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the velocity of the point, m/s."""
+        """Return the component or magnitude of the point's velocity, m/s."""
         return component_or_magnitude(
             now.motions[self.body].velocity_at(Vector(*self.point)), self.component
         )
@@ -155,16 +156,16 @@ class PointVelocity(AbstractPointQuantity):
 class PointAcceleration(AbstractPointQuantity):
     """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
-    An accelerometer on the body measures the specific force, acceleration minus gravity:
-    `PointAcceleration(body, point, component, axes="body", gravity=True)`.
+    An accelerometer on the body measures the specific force, which is the acceleration minus
+    gravity. This is `PointAcceleration(body, point, component, axes="body", gravity=True)`.
 
     **Arguments:**
 
     - `body`: its name.
     - `point`: (3,) m in body axes.
     - `component`: "x", "y", "z", or ``None`` for the magnitude.
-    - `axes`: "global" or "body", in which the component is taken.
-    - `gravity`: whether the scene's gravity is subtracted from the acceleration.
+    - `axes`: "global", the default, or "body", in which the component is taken.
+    - `gravity`: whether the scene's gravity is subtracted from the acceleration; by default not.
 
     >>> point = (0.06, 0, 0)
     >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
@@ -178,8 +179,9 @@ class PointAcceleration(AbstractPointQuantity):
     applies_to_ground: ClassVar[bool] = False
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the acceleration of the point, m/s^2."""
+        """Return the component or magnitude of the point's acceleration, m/s^2."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
+        # Acceleration of the point relative to the centre of mass, in body axes.
         local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
         relative = acceleration.angular.cross(local) + spin.cross(spin.cross(local))
         if self.gravity and now.scene.gravity is not None:
@@ -211,7 +213,7 @@ class AngularVelocity(AbstractBodyQuantity):
     unit: ClassVar[str | None] = "rad/s"
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the angular velocity, rad/s."""
+        """Return the component or magnitude of the angular velocity, rad/s."""
         motion = now.motions[self.body]
         spin = motion.spin if self.axes == "body" else motion.direction(motion.spin)
         return component_or_magnitude(spin, self.component)
@@ -237,7 +239,7 @@ class AngularAcceleration(AbstractBodyQuantity):
     applies_to_ground: ClassVar[bool] = False
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the angular acceleration, rad/s^2."""
+        """Return the component or magnitude of the angular acceleration, rad/s^2."""
         angular = now.dynamics.accelerations[self.body].angular
         if self.axes == "global":
             angular = now.motions[self.body].direction(angular)
@@ -284,6 +286,7 @@ class Angle(AbstractBodyQuantity):
                 require_axis(name, direction)
                 sine = np.linalg.norm(np.cross(self.about, direction))
                 lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
+                # The margin is far above rounding errors.
                 expected = f"a direction that is not parallel to `about` = {self.about}"
                 require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
@@ -293,16 +296,18 @@ class Angle(AbstractBodyQuantity):
         start, _ = transverse_axes(about)
         axis = start if self.axis is None else Vector(*self.axis)
         zero = axis if self.reference is None else Vector(*self.reference)
+        # Only the part perpendicular to the fixed axis defines the direction of zero angle.
         zero = zero - about * zero.dot(about)
         direction = now.motions[self.body].direction(axis)
         return jnp.arctan2(direction.dot(about.cross(zero)), direction.dot(zero))
 
 
 class Distance(AbstractQuantity):
-    """Distance between a point of one body and a point of another, m.
+    """Distance between a point of one body and a point of another, m: the signal of a displacement
+    sensor.
 
     With `along` it is the signed distance along an axis of the first body, such as the stroke of a
-    slider in its guide. It is the signal of a displacement sensor.
+    slider in its guide.
 
     **Arguments:**
 

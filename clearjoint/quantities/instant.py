@@ -24,14 +24,17 @@ from ..model.scene import Scene
 class Instant:
     """A scene and its motion at one time of a run: the argument of quantities.
 
-    Vectors are in scalar form, with the fields `x`, `y` and `z`. Properties are computed on first
-    use. Bodies, joints and contacts have the names of the user's scene, even if the run evaluates
-    them in groups.
+    Vectors are not arrays but have the scalar fields `x`, `y` and `z`. Properties are computed on
+    first use. Bodies, joints and contacts have the names of the user's scene, even if the run
+    computes several of the same kind together, as arrays.
 
     - `time`: s.
-    - `work[name]`: terms of the energy ledger, J; "friction" includes the energy in bristles.
+    - `work[name]`: energies that have been dissipated or supplied since the start, J; "friction"
+      includes the energy in bristles. Empty unless the run keeps this ledger.
 
-    An instant is a PyTree, which doesn't include the instants `inside` its step.
+    Runs create instants. The example makes one from a `System`, which evaluates the equations of
+    motion, and its variables, which are the coordinates and velocities. An instant is a PyTree;
+    flattening drops the function that gives the instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -59,7 +62,10 @@ class Instant:
         self._inside = inside
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
-        """Return the traced parts of the instant, and ``None`` for the static data, for JAX."""
+        """Return the parts of the instant that JAX may trace, and ``None`` as no part is static.
+
+        JAX calls this method.
+        """
         parts = (
             self._system,
             self._own_time,
@@ -72,17 +78,23 @@ class Instant:
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
-        """Return the instant with the parts of `tree_flatten`, for JAX."""
+        """Return the instant with the parts that `tree_flatten` returns.
+
+        JAX calls this method.
+        """
         return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene as the user gave it, in scalar form, without groups of elements."""
+        """The scene with the user's elements and names, whose vectors are `Vector`s, not arrays."""
         return self._system.ungrouped()
 
     @cached_property
     def entry_speeds(self) -> EntrySpeeds:
-        """Entry speeds, m/s, ``entry_speeds[joint][contact]``; zero without contact."""
+        """Entry speeds of the current contacts, m/s, ``entry_speeds[joint][contact]``.
+
+        An entry speed is the penetration rate at the onset; it is zero without contact.
+        """
         return by_name(self._entry_speeds)
 
     @cached_property
@@ -94,9 +106,9 @@ class Instant:
         return by_name(self._bristles)
 
     def inside(self, fraction: Scalar) -> "Instant":
-        """Return an instant of the step that ends here, from the solver's dense output.
+        """Return an earlier instant of the step that ends here, from the solver's dense output.
 
-        **Arguments:** `fraction`: of the step's duration, between 0 and 1.
+        **Arguments:** `fraction`: of the step's duration, between 0 at its start and 1 at its end.
 
         **Raises:** `ValueError` if this instant isn't the end of a step.
         """
@@ -125,7 +137,7 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces of all contacts, ``contacts[joint][contact]``."""
+        """Geometry, normal force and friction of all contacts, ``contacts[joint][contact]``."""
         forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
         return by_name(forces)
 
@@ -138,7 +150,10 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Depth of each contact beyond its onset, m, and its rate, m/s, by joint and contact."""
+        """Penetration of each contact and its rate, m/s, ``contact_gaps[joint][contact]``.
+
+        The penetration is measured from the depth at which the contact's force begins, m.
+        """
         return by_name(contact_gaps(self._system.scene, self._motions))
 
     @cached_property
@@ -151,7 +166,7 @@ class Instant:
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
-        """`dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
+        """The `dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
         # Joint coordinates eliminate ideal joints, whose multipliers are then unknown.
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):

@@ -1,4 +1,8 @@
-"""Quantities of joints: contacts, the journal in its bearing, reactions, films and angles."""
+"""Quantities of joints: contacts, the journal in its bearing, reactions, films and angles.
+
+A contact has a label; those of a clearance joint are "V" and "W", the names of the journal's two
+ends.
+"""
 
 import math
 from collections.abc import Collection
@@ -29,7 +33,7 @@ from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):
-    """Base class of quantities of a joint, whose name is `joint`."""
+    """Base class of quantities of a joint, whose name in the scene is `joint`."""
 
     joint: str = eqx.field(static=True)
 
@@ -65,10 +69,10 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact, N; without `contact` the largest force of the joint's contacts.
+    """Normal force of a contact, N, or the largest of a joint's contacts.
 
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V", or
-    ``None``, the default.
+    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V"; for
+    ``None``, the default, the quantity is the largest force of the joint's contacts.
 
     >>> largest = cj.quantities.ContactForce("shoulder")
     >>> cj.quantities.ContactForce("shoulder", "V").unit
@@ -140,7 +144,8 @@ class PenetrationRate(AbstractContactQuantity):
 class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
-    It exists only for contacts whose law uses the entry speed.
+    It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
+    law uses the entry speed.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -158,7 +163,8 @@ class EntrySpeed(AbstractContactQuantity):
 class BristleDeflection(AbstractContactQuantity):
     """Magnitude of the bristle deflection of a contact, m; zero while the surfaces are apart.
 
-    It exists only for contacts with an `AbstractBristleFriction`.
+    It exists only for contacts with an `AbstractBristleFriction`, a friction law that models
+    sticking by a deflection of the surfaces.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -169,11 +175,14 @@ class BristleDeflection(AbstractContactQuantity):
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints with bristles."""
+        """Return the names of the joints whose friction law has bristles."""
         return scene.bristle_laws()
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the contact has bristles."""
+        """Check that the scene has the joint, and that the contact's friction law has bristles.
+
+        **Raises:** `ValueError` with the available names.
+        """
         super().check(scene)
         require_known("contact", self.contact, scene.bristle_laws()[self.joint])
 
@@ -188,7 +197,10 @@ def _base(name: str | None) -> str | None:
 
 
 class AbstractJournalQuantity(AbstractJointQuantity):
-    """Base class of positions, m, of a journal or of one of its bases, "V" or "W"."""
+    """Base class of positions, m, of a journal or of one of its bases.
+
+    The bases "V" and "W" are the circles at the two ends of the journal.
+    """
 
     unit: ClassVar[str | None] = "m"
 
@@ -197,7 +209,7 @@ class AbstractJournalQuantity(AbstractJointQuantity):
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
+        """Return the vector from the bearing's centre to that of the journal or of a base, m.
 
         Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
         "W", or ``None`` for the journal's centre.
@@ -210,8 +222,8 @@ class AbstractJournalQuantity(AbstractJointQuantity):
 class JournalOffset(AbstractJournalQuantity):
     """One component of the vector from the bearing's centre to the journal's centre, m.
 
-    The vector ends at the centre of a base instead if `base` is given. Its component is the signal
-    of a proximity probe on the bearing.
+    If `base` is given, the vector ends at the centre of this end of the journal instead. Its
+    component is the signal of a proximity probe on the bearing.
 
     **Arguments:**
 
@@ -219,7 +231,7 @@ class JournalOffset(AbstractJournalQuantity):
     - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
       the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
       the axes of the body.
-    - `base`: "V" or "W", or ``None`` for the journal's centre.
+    - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
     >>> probes["x"].unit
@@ -235,10 +247,10 @@ class JournalOffset(AbstractJournalQuantity):
 
 
 class Eccentricity(AbstractJournalQuantity):
-    """Distance of a journal's centre, or of the centre of a base, from the bearing's axis, m.
+    """Distance of the centre of a journal, or of one of its ends, from the bearing's axis, m.
 
-    **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", or ``None`` for the
-    journal's centre.
+    **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", one end of the journal,
+    or ``None``, the default, for its centre.
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
     >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
@@ -290,10 +302,10 @@ class AbstractReaction(AbstractJointQuantity):
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the wrench of the joint's constraint rows on the body.
+        """Return the force and moment of the joint's constraints on the body, as a wrench.
 
-        It is the sum of the rows' Jacobians times their Lagrange multipliers: a force, N in global
-        axes, and a moment about the centre of mass, N m in body axes.
+        It is the sum of the constraint rows' Jacobians times their Lagrange multipliers: a force, N
+        in global axes, and a moment about the centre of mass, N m in body axes.
         """
         dynamics, wrench = now.absolute_dynamics, NO_WRENCH
         for label, row in dynamics.rows[self.joint].items():
@@ -306,7 +318,7 @@ class AbstractReaction(AbstractJointQuantity):
 class Reaction(AbstractReaction):
     """Force of a joint on one of its bodies, N: its magnitude or a global component.
 
-    For an ideal joint the force follows from the multipliers of its constraint rows, which are
+    For an ideal joint the force follows from the Lagrange multipliers of its constraints, which are
     computed even if the run uses joint coordinates. With redundant constraints it isn't unique, and
     the multipliers of least norm are used. For a joint with clearance the force is the sum of
     normal forces, friction, film force and axial reaction.
@@ -335,6 +347,7 @@ class Reaction(AbstractReaction):
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
         """Return the force of the contacts and the film on the body, N in global axes."""
+        # First the force on the joint's second body; the reaction on the first is its opposite.
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
             # A contact with `turning` acts as a couple, without a net force.
@@ -349,7 +362,7 @@ class ReactionMoment(AbstractReaction):
     """Moment of an ideal joint on one of its bodies, N m: its magnitude or a component.
 
     The moment refers to the joint's point on the body. For a driver it is the driving moment. With
-    redundant constraints it isn't unique, and the multipliers of least norm are used.
+    redundant constraints it isn't unique, and the Lagrange multipliers of least norm are used.
 
     **Arguments:**
 
@@ -385,7 +398,7 @@ class ReactionMoment(AbstractReaction):
 
 
 class FilmForce(AbstractJointQuantity):
-    """Force of a joint's film on its journal, N: its magnitude or a global component.
+    """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
     **Arguments:** `joint`: name of a joint with a film. `component`: "x", "y", "z" in global axes,
     or ``None``, the default, for the magnitude.
@@ -414,22 +427,28 @@ class FilmForce(AbstractJointQuantity):
 
 @runtime_checkable
 class HasRelativeAngle(Protocol):
-    """Interface of a joint or force element that has a relative angle of its two bodies."""
+    """Interface of a joint or force element that defines an angle between its two bodies."""
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle relative to the first, rad, as the value of a row."""
+        """Return the second body's angle relative to the first, rad, as the value of a row.
+
+        The row also has the derivatives of the angle's rate by the bodies' velocities.
+        """
         ...
 
 
 class AbstractJointAngle(AbstractJointQuantity):
-    """Base class of the angle of a joint, driver or drive torque, and of its derivatives."""
+    """Base class of the angle of a joint, driver or drive torque, and of its time derivatives.
+
+    `joint` is the name of the joint or force.
+    """
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the scene's joints and forces that have a relative angle."""
+        """Return the names of the scene's joints and forces that define an angle."""
         return elements_with_angle(scene)
 
     def angle(self, now: Instant) -> Row:
-        """Return the angle, rad, as a row."""
+        """Return the angle, rad, as a row, which also has the derivatives of the angle's rate."""
         return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
 
 
@@ -442,7 +461,7 @@ class JointAngle(AbstractJointAngle):
     - User-defined joints: any joint with a method ``relative_angle(motions)`` that returns a row.
 
     A state doesn't contain the number of revolutions. ``numpy.unwrap`` recovers it from a series
-    with enough samples per revolution.
+    with more than two samples per revolution.
 
     **Arguments:** `joint`: name of the joint or force.
 
@@ -498,7 +517,7 @@ class JointAngularAcceleration(AbstractJointAngle):
 
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
-    """Return the scene's joints and forces that have a relative angle, by name."""
+    """Return the scene's joints and forces with a method `relative_angle`, by name."""
     elements = {**scene.joints, **scene.forces}
     return {
         name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)

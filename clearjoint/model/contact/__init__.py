@@ -1,1 +1,1 @@
-"""Contact of two surfaces: the gap, stiffness, normal laws, friction, delivered restitution."""
+"""Contact of two surfaces: geometry, laws of the normal force, stiffnesses and friction laws."""

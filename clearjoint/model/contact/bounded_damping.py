@@ -1,4 +1,9 @@
-"""Contact laws with bounded damping, as used in multibody programs."""
+"""Contact laws with bounded damping, as used in multibody programs.
+
+The force is an elastic force, usually K delta^n with the penetration delta, m, and a damping that
+acts with the penetration's rate, m/s. The damping is limited, so that the force starts and ends at
+zero.
+"""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +18,8 @@ from .laws import AbstractElasticity, AbstractPowerLaw, as_stiffness, require_ex
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """Base class of laws with the elastic force K delta^n and a damping that a subclass defines.
 
-    The force doesn't depend on the entry speed and doesn't jump at the onset.
+    The force must not jump at the onset of a contact, and does not use the entry speed, the rate at
+    the onset.
 
     **Raises:** `ValueError` if the exponent n is below 1.
     """
@@ -26,7 +32,7 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
 
 
 class ElastoGap(AbstractBoundedDampingLaw):
-    r"""F = K delta^n + D rate, with the damping force limited to the elastic force.
+    r"""Law F = K delta^n + D rate, with the damping force limited to the elastic force.
 
     $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
@@ -35,9 +41,9 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
     **Arguments:**
 
-    - `stiffness`: K, N/m^n or an elasticity.
+    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
     - `damping`: D, N s/m.
-    - `exponent`: n.
+    - `exponent`: n, at least 1; 1 by default.
 
     >>> law = cj.laws.ElastoGap(stiffness=1e6, damping=5e3)
     >>> print(law.force(extend.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
@@ -58,16 +64,16 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
 
 class ImpactFunction(AbstractBoundedDampingLaw):
-    r"""F = max(0, K delta^n + D(delta) rate), the IMPACT function of Adams and SolidWorks Motion.
+    r"""Law F = max(0, K delta^n + D(delta) rate): the IMPACT function of Adams and SolidWorks.
 
     $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
     **Arguments:**
 
-    - `stiffness`: K, N/m^n or an elasticity.
-    - `damping`: D at full depth, N s/m.
-    - `full_damping_depth`: d, m; over this depth the damping rises from zero with a cubic.
-    - `exponent`: n.
+    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
+    - `damping`: D, N s/m, the damping at depths of at least d.
+    - `full_damping_depth`: d, m, up to which the damping rises from zero by a cubic polynomial.
+    - `exponent`: n, at least 1; 1.5 by default.
 
     >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -88,20 +94,22 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
 
 class FloresKelvinVoigt(AbstractBoundedDampingLaw):
-    r"""F = K delta^n in compression, c K delta^n in restitution: Flores' Kelvin-Voigt variant.
+    r"""Flores' variant of the Kelvin-Voigt law, whose force is smaller in restitution.
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    The delivered restitution is sqrt(c). Where the rate changes its sign, the two forces are
-    blended with a hyperbolic tangent, because integration steps don't end there. Impacts that are
-    not much faster than the transition speed lose less.
+    The force is K delta^n in compression and c K delta^n in restitution. The rebound speed of a
+    free impact over its entry speed is sqrt(c). Where the rate changes its sign, the two forces are
+    blended by a hyperbolic tangent, because integration steps don't end there. Impacts that are not
+    much faster than the transition speed lose less energy. The law is that of the program DyS
+    (github.com/ladisk/DyS), generalised to any exponent.
 
     **Arguments:**
 
-    - `restitution`: c.
-    - `stiffness`: K, N/m^n or an elasticity.
+    - `restitution`: c, 0 to 1.
+    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
     - `transition_speed`: m/s, scale of the hyperbolic tangent.
-    - `exponent`: n.
+    - `exponent`: n, at least 1; 1 by default.
 
     >>> law = cj.laws.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, compression
@@ -123,7 +131,7 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of compression and restitution."""
+        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution."""
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -131,5 +139,8 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return 0.5 * (1.0 + self.restitution) * super().stored_energy(gap)
 
     def delivered_restitution(self) -> Scalar:
-        """Return sqrt(c), valid for impacts much faster than the transition speed."""
+        """Return rebound speed over entry speed of a free impact, sqrt(c).
+
+        It is valid for impacts much faster than the transition speed.
+        """
         return jnp.sqrt(self.restitution)

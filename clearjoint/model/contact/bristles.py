@@ -1,8 +1,9 @@
-"""Bristle friction laws: friction from the deflection of surface asperities, an additional state.
+"""Bristle friction laws: friction from the deflection of the surfaces' asperities, the "bristles".
 
-A bristle law sticks: a load below breakaway deflects the bristles and then causes no motion,
-whereas an algebraic law (`.friction`) creeps. All coefficients are per unit of normal force, so
-that friction starts and ends with the contact even if the normal force varies.
+The deflection is an additional state of a contact, integrated with the motion. Such a law models
+sticking: a load below the breakaway force deflects the bristles and then causes no motion. A law of
+`.friction`, which depends on the slip speed alone, creeps instead. All coefficients are over the
+normal force, so that friction starts and ends with the contact.
 """
 
 import abc
@@ -22,10 +23,11 @@ from .friction import require_breakaway
 class AbstractBristleFriction(AbstractConverting):
     """Base class of bristle laws: friction from a deflection that is integrated with the motion.
 
-    A subclass defines the rate of the deflection, the ratio of friction to normal force, and two
-    scales. The rate must vanish with the slip, so that a sticking contact doesn't drift. The
-    deflection is a vector in m that is zero at the onset of contact. It is stored in the axes of
-    the contact's first body, and only its component perpendicular to the normal acts.
+    A subclass defines the rate of the deflection, the ratio of friction to normal force, and, for
+    steady sliding, this ratio and the size of the deflection. The rate must vanish with the slip,
+    so that a sticking contact doesn't drift. The deflection is a vector in m that is zero at the
+    onset of contact. It is stored in the axes of the contact's first body, and only its component
+    perpendicular to the normal acts.
 
     ```python
     import clearjoint as cj
@@ -65,28 +67,30 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the vector of friction over normal force, with the sign of the slip.
+        """Return the vector of friction over normal force, in the direction of the slip.
 
         The friction force on the second body is minus this vector times the normal force.
 
-        **Arguments:** `deflection`: m. `rate`: of the deflection, m/s. `slip`: m/s.
+        **Arguments:** `deflection`: m. `rate`: of the deflection, m/s. `slip`: tangential velocity
+        of the second body relative to the first, m/s.
         """
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratio of friction to normal force in steady dry sliding at a speed, m/s."""
+        """Return the ratio of friction to normal force in steady sliding at a speed, m/s, without
+        a viscous part."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate deflection in steady sliding, m.
+        """Return the approximate size of the deflection in steady sliding, m.
 
-        The solver measures errors of deflections relative to this number.
+        The solver's error control compares errors of deflections with this number.
         """
 
     def stored_energy(self, deflection: Vector) -> Scalar:
         """Return the recoverable energy of the bristles over the normal force, m; zero by default.
 
-        With zero, the energy ledger counts all friction work as dissipated. `deflection` is in m.
+        With zero, a run counts all work of friction as dissipated. `deflection` is in m.
         """
         del deflection
         return 0.0
@@ -94,7 +98,7 @@ class AbstractBristleFriction(AbstractConverting):
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Return the friction force on the second body in steady sliding, N.
 
-        It replaces the bristles where they are not integrated.
+        It is used where deflections are not integrated, such as for rigid contacts.
 
         **Arguments:** `normal_force`: N. `slip`: velocity of the second body relative to the first,
         m/s.
@@ -108,9 +112,11 @@ class Dahl(AbstractBristleFriction):
 
     $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
 
+    Here z is the deflection, v the slip, F_t friction and F_n the normal force.
+
     **Arguments:**
 
-    - `coefficient`: mu.
+    - `coefficient`: mu, friction over normal force in sliding.
     - `stiffness`: sigma0, 1/m, bristle stiffness over normal force.
 
     >>> friction = cj.frictions.Dahl(0.1, stiffness=1e5)
@@ -146,11 +152,12 @@ class Dahl(AbstractBristleFriction):
 
 
 class AbstractDampedBristles(AbstractBristleFriction):
-    """Base class of damped bristles with Stribeck's curve in steady sliding.
+    """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
 
     Friction over normal force is sigma0 z + sigma1 dz/dt + sigma2 v, with the deflection z, m, and
-    the slip v, m/s. In steady sliding it falls from `breakaway` to `kinetic` around the
-    `stribeck_speed`, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1 and `viscosity` sigma2, s/m.
+    the slip v, m/s. In steady sliding its dry part, without sigma2 v, falls from `breakaway` to
+    `kinetic` around the `stribeck_speed`, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1 and
+    `viscosity` sigma2, s/m.
     """
 
     stiffness: eqx.AbstractVar[Single]
@@ -172,7 +179,10 @@ class AbstractDampedBristles(AbstractBristleFriction):
         return 0.5 * self.stiffness * deflection.dot(deflection)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return g(v) = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2)."""
+        """Return g(v) = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2) for the speed v, m/s.
+
+        mu_S is `breakaway`, mu_C `kinetic` and v_S the `stribeck_speed`.
+        """
         fade = jnp.exp(-((slip_speed / self.stribeck_speed) ** 2))
         return self.kinetic + (self.breakaway - self.kinetic) * fade
 
@@ -187,8 +197,9 @@ class LuGre(AbstractDampedBristles):
     $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z, \quad g = \mu_C + (\mu_S - \mu_C) e^{-(v /
     v_S)^2}, \quad \frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v$$
 
-    For sigma1 |v| > 4 g(v) the law isn't passive: bristles may release more energy than they
-    received (N. Barabanov, R. Ortega 2000).
+    Here z is the deflection, v the slip, F_t friction and F_n the normal force. For
+    sigma1 |v| > 4 g(v) the law isn't passive: bristles may release more energy than they received
+    (N. Barabanov, R. Ortega 2000).
 
     **Arguments:**
 
@@ -217,14 +228,16 @@ class ElastoPlastic(AbstractDampedBristles):
 
     $$\dot z = v - \alpha(z) \frac{\sigma_0 |v|}{g(v)} z$$
 
-    The factor alpha is 0 for |z| <= z_ba and for relaxing bristles, 1 for |z| >= g(v)/sigma0, and
-    follows half a sine between. Below z_ba an oscillating load causes no drift. In two dimensions
-    alpha is multiplied by the cosine of the angle between slip and deflection.
+    Here z is the deflection, v the slip, and g(v) friction over normal force in steady sliding, as
+    in `LuGre`. The factor alpha is 0 for |z| <= z_ba and for bristles that relax, and 1 for
+    |z| >= g(v)/sigma0; between these deflections it rises as half a period of a cosine. Below z_ba
+    an oscillating load causes no drift. In two dimensions alpha is multiplied by the cosine of the
+    angle between slip and deflection, if this is positive.
 
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `stribeck_speed`: v_S, m/s, of g(v) as in `LuGre`.
+    - `stribeck_speed`: v_S in g(v), m/s.
     - `elastic_deflection`: z_ba, m, below mu_C/sigma0.
     - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
       normal force.

@@ -1,9 +1,10 @@
 """Line contact of a journal along its bearing: elastic force from length, radii and materials.
 
-These elasticities replace the stiffness in a law of the Hunt-Crossley family, with the damping of
-any of its laws. The delivered restitution stays the same, because it doesn't depend on the elastic
-force. This module has the base class and the explicit formulas; the logarithmic formulas are in
-`logarithmic_cylinders`.
+These elasticities take the place of the stiffness in a law of the Hunt-Crossley family and can be
+combined with any of its damping factors. The delivered restitution stays the same, because it
+doesn't depend on the elastic force. In the formulas F is the force, delta the penetration, L the
+length, dR the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. This module has the
+base class and the explicit formulas; the logarithmic formulas are in `logarithmic_cylinders`.
 """
 
 import abc
@@ -29,7 +30,8 @@ the force is extrapolated linearly."""
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     """Base class of elasticities for a journal that touches its bearing along a line.
 
-    A subclass defines `line_force`; the energy is integrated numerically by default.
+    An elasticity is the elastic force of a contact law as a function of the penetration. A subclass
+    defines `line_force`; the energy is integrated numerically by default.
 
     **Arguments:**
 
@@ -65,19 +67,22 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the integral of `line_force` up to a positive depth, m, in J/m."""
         # The force is a smooth function of the square root of the depth, but not of the depth:
-        # Gauss quadrature in the root is accurate.
+        # Gauss quadrature in the root is accurate. The substitution depth * node^2 gives the factor
+        # 2 node depth.
         depths = [depth * node**2 for node in _NODES]
         forces = [self.line_force(gap, at) for at in depths]
         parts = zip(_WEIGHTS, _NODES, forces, strict=True)
         return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """Return the largest penetration for which the formula holds, m; ``None`` for no limit."""
+        """Return the largest penetration for which the formula is valid, m; ``None``, the default,
+        for no limit."""
         del gap
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the range of valid penetrations, m, or an empty tuple without a limit."""
+        """Return the range of penetrations for which the formula is valid, m; an empty tuple if it
+        has no limit."""
         deepest = self.deepest(gap)
         if deepest is None:
             return ()
@@ -101,7 +106,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(touches, self.length * load, 0.0)
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """Return the integral of the force over the penetration, J."""
+        """Return the integral of the force over the penetration, J; the exponent is not used."""
         del exponent
         touches, depth = _positive(gap)
         straight = self._straight(gap)
@@ -115,9 +120,10 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(touches, self.length * energy, 0.0)
 
     def _straight(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar] | None:
-        """Return depth, m, load, N/m, and slope, N/m^2, at the start of the continuation.
+        """Return where the force begins to continue along its tangent, for large penetrations.
 
-        Return ``None`` for a formula without limit.
+        It is given by the depth, m, and there the force per length, N/m, and its derivative by the
+        depth, N/m^2. Return ``None`` for a formula without a largest penetration.
         """
         deepest = self.deepest(gap)
         if deepest is None:
@@ -128,7 +134,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
 
 def _positive(gap: Gap) -> tuple[Scalar, Scalar]:
-    """Return whether the surfaces touch, and the penetration, m; 1e-6 m if they don't touch."""
+    """Return whether the surfaces touch, and the penetration, m, or 1e-6 m if they don't touch."""
     # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
     touches = gap.depth > 0.0
     return touches, jnp.where(touches, gap.depth, 1e-6)
@@ -141,11 +147,12 @@ def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class LiuCylinder(AbstractCylinder):
-    r"""F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu, K. Zhang, R. Yang 2007).
+    r"""Line contact with F = pi/2 E* L delta sqrt(delta/(2 (dR + delta))) (C. Liu et al. 2007).
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
-    dR is the clearance and 1/E* the sum of (1 - nu^2)/E. It is valid for conformal contact too.
+    dR is the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is valid
+    for conformal contact too. Source: C. Liu, K. Zhang, R. Yang 2007.
 
     >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -161,14 +168,15 @@ class LiuCylinder(AbstractCylinder):
 
 
 class PereiraCylinder(AbstractCylinder):
-    r"""F = (0.965 dR + 0.0965) L E*/dR delta^n for internal contact (C. Pereira et al. 2011, 2014).
+    r"""Internal line contact with F = (0.965 dR + 0.0965) L E*/dR delta^n (C. Pereira et al. 2011).
 
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n$$
 
-    The formula is in mm, N and MPa; all arguments are in SI units. The exponent is
+    dR is the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is in mm, N
+    and MPa, but all arguments are in SI units. The exponent is
     n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 for clearances dR below 0.34954 mm and
     Y = 0.0151 dR + 1.151 above. It is valid for clearances from 0.005 to 10 mm. The authors use the
-    damping of `LankaraniNikravesh`.
+    damping of `LankaraniNikravesh`. Source: C. Pereira et al. 2011, 2014.
 
     >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -193,20 +201,20 @@ class PereiraCylinder(AbstractCylinder):
 
 
 _MOST_CONTACT = 0.8
-"""Largest b^2 of `PerssonCylinder`; the force is infinite at 0.8355."""
+"""Largest b^2 for which `PerssonCylinder` uses its formula; at 0.8355 the force is infinite."""
 
 
 class PerssonCylinder(AbstractCylinder):
-    r"""Exact conformal contact of equal materials for a contact half-angle (A. Persson 1964).
+    r"""Conformal contact of equal materials, exact for a given half-angle (A. Persson 1964).
 
     $$\frac{E' \Delta R}{P} = \frac{2 - \ln(b^2 + 1) - 2 b^4}{\pi b^2 (b^2 + 1)}, \quad b =
     \tan\frac{\varepsilon}{2}$$
 
-    P = F/L is the load per length and E' = E/(1 - nu^2). Persson's theory doesn't give the
-    penetration. Here the half-angle follows from the overlap of the undeformed circles as in
-    `LiuCylinder`, cos(half-angle) = dR/(dR + delta). For small penetrations the force is then
-    several times that of the other laws. Use `load` and `half_angle` to find where these laws
-    become invalid.
+    P = F/L is the load per length, dR the clearance, epsilon the half-angle of the contact, and
+    E' = E/(1 - nu^2). Persson's theory doesn't give the penetration delta. Here the half-angle
+    follows from the overlap of the undeformed circles as in `LiuCylinder`, cos(half-angle) =
+    dR/(dR + delta). For small penetrations the force is then several times that of the other laws.
+    Use `load` and `half_angle` to find where these laws become invalid.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
@@ -217,10 +225,11 @@ class PerssonCylinder(AbstractCylinder):
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the force per length, N/m."""
         clearance = radii_of(gap)[2]
+        # b^2 = tan^2(half-angle/2) = (1 - cos)/(1 + cos) for the cosine dR/(dR + delta).
         return self._line_load(depth / (2.0 * clearance + depth), clearance)
 
     def half_angle(self, gap: Gap) -> Scalar:
-        """Return the half-angle of the contact at the depth of a gap, rad."""
+        """Return the half-angle of the contact at the penetration of a gap, rad."""
         clearance = radii_of(gap)[2]
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
@@ -229,11 +238,18 @@ class PerssonCylinder(AbstractCylinder):
         return self.length * self._line_load(jnp.tan(0.5 * half_angle) ** 2, clearance)
 
     def _line_load(self, square: Scalar, clearance: Scalar) -> Scalar:
-        """Return the force per length, N/m, for b^2; for equal materials E' is twice E*."""
+        """Return the force per length, N/m.
+
+        **Arguments:** `square`: b^2; `clearance`: m.
+        """
         numerator = 2.0 - jnp.log1p(square) - 2.0 * square**2
+        # For equal materials E' is twice E*.
         modulus = 2.0 / self.compliance()
         return modulus * clearance * jnp.pi * square * (square + 1.0) / numerator
 
     def deepest(self, gap: Gap) -> Scalar:
-        """Return eight clearances, m, where nearly half the bearing is in contact."""
+        """Return the largest penetration for which the formula is used, m.
+
+        It is eight clearances, where nearly half of the bearing's circumference is in contact.
+        """
         return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * radii_of(gap)[2]

@@ -4,10 +4,10 @@ The normal force is F = K delta^n (1 + chi v/v0), N, with the penetration delta,
 and the entry speed v0, m/s, which is the rate at the onset of the contact. `stiffness` is K, N/m^n,
 and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
 
-`restitution` is c, the ratio of rebound speed to entry speed that a free impact should have. It
-follows from chi alone, and most of the published factors meet it only approximately. The examples
-print the ratio that a law delivers, which `delivered_restitution` computes. `ExactRestitution`
-delivers the requested value. All arguments are described in `AbstractDampedLaw`.
+`restitution` is c, the requested ratio of rebound speed to entry speed in a free impact. The actual
+ratio follows from chi alone, and most of the published factors meet the request only approximately.
+The examples print the ratio that a law delivers, which `delivered_restitution` computes.
+`ExactRestitution` delivers the requested value. All arguments are described in `AbstractDampedLaw`.
 """
 
 import equinox as eqx
@@ -22,7 +22,9 @@ from .restitution import exact_damping_factor
 
 
 class HuntCrossley(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)/2 (K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999).
+    r"""Law with the damping factor chi = 3 (1 - c)/2.
+
+    Source: K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999.
 
     $$\chi = \frac{3 (1 - c)}{2}$$
 
@@ -37,7 +39,9 @@ class HuntCrossley(AbstractDampedLaw):
 
 
 class HerbertMcWhannell(AbstractDampedLaw):
-    r"""chi = 6 (1 - c)/((2 c - 1)^2 + 3) (R. G. Herbert, D. C. McWhannell 1977).
+    r"""Law with the damping factor chi = 6 (1 - c)/((2 c - 1)^2 + 3).
+
+    Source: R. G. Herbert, D. C. McWhannell 1977.
 
     $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
 
@@ -52,11 +56,14 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
 
 class LeeWang(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)/4 (T. W. Lee, A. C. Wang 1983).
+    r"""Law with the damping factor chi = 3 (1 - c)/4.
+
+    Source: T. W. Lee, A. C. Wang 1983.
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    Near c = 1 it dissipates half the energy that c requires, and for c = 0 it still delivers 0.66.
+    Near c = 1 it dissipates half the energy that c requires. For c = 0 the rebound speed is still
+    0.66 times the entry speed.
 
     >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -69,7 +76,9 @@ class LeeWang(AbstractDampedLaw):
 
 
 class LankaraniNikravesh(AbstractDampedLaw):
-    r"""chi = 3 (1 - c^2)/4 (H. M. Lankarani, P. E. Nikravesh 1990; Flores et al. 2006, eq. 24).
+    r"""Law with the damping factor chi = 3 (1 - c^2)/4.
+
+    Source: H. M. Lankarani, P. E. Nikravesh 1990; P. Flores et al. 2006, eq. 24.
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
@@ -84,7 +93,9 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
 
 class ZhiyingQishao(AbstractDampedLaw):
-    r"""chi = 3/4 (1 - c^2) exp(2 (1 - c)) (Q. Zhiying, L. Qishao 2006).
+    r"""Law with the damping factor chi = 3/4 (1 - c^2) exp(2 (1 - c)).
+
+    Source: Q. Zhiying, L. Qishao 2006.
 
     $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
@@ -99,7 +110,9 @@ class ZhiyingQishao(AbstractDampedLaw):
 
 
 class CarvalhoMartins(AbstractDampedLaw):
-    r"""chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)) (A. S. Carvalho, J. M. Martins 2019).
+    r"""Law with the damping factor chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)).
+
+    Source: A. S. Carvalho, J. M. Martins 2019.
 
     $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
@@ -117,14 +130,19 @@ class CarvalhoMartins(AbstractDampedLaw):
 
 
 class AbstractReboundingLaw(AbstractDampedLaw):
-    """A law whose damping is infinite at c = 0, which raises an error."""
+    """Base class of laws whose damping factor is infinite for a restitution of zero.
+
+    **Raises:** `ValueError` for this restitution.
+    """
 
     def __check_init__(self):
         require_rebound(self.restitution)
 
 
 class Flores2011(AbstractReboundingLaw):
-    r"""chi = 8 (1 - c)/(5 c), for restitutions from nearly 0 to 1 (P. Flores et al. 2011).
+    r"""Law with the damping factor chi = 8 (1 - c)/(5 c), for restitutions from nearly 0 to 1.
+
+    Source: P. Flores et al. 2011.
 
     $$\chi = \frac{8 (1 - c)}{5 c}$$
 
@@ -141,7 +159,10 @@ class Flores2011(AbstractReboundingLaw):
 
 
 class Gonthier(AbstractReboundingLaw):
-    r"""chi = (1 - c^2)/c (Y. Gonthier et al. 2004, approximate form; exact: `ExactRestitution`).
+    r"""Law with the damping factor chi = (1 - c^2)/c.
+
+    Source: Y. Gonthier et al. 2004, as an approximation of the equation that `ExactRestitution`
+    solves.
 
     $$\chi = \frac{1 - c^2}{c}$$
 
@@ -156,11 +177,13 @@ class Gonthier(AbstractReboundingLaw):
 
 
 class GharibHurmuzlu(AbstractReboundingLaw):
-    r"""chi = 1/c, for nearly plastic impacts (M. Gharib, Y. Hurmuzlu 2012).
+    r"""Law with the damping factor chi = 1/c, for nearly plastic impacts.
+
+    Source: M. Gharib, Y. Hurmuzlu 2012.
 
     $$\chi = \frac{1}{c}$$
 
-    The delivered restitution never exceeds 0.594.
+    The delivered restitution never exceeds 0.594, its value for c = 1.
 
     >>> law = cj.laws.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
@@ -173,7 +196,9 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
 
 class HuGuo(AbstractReboundingLaw):
-    r"""chi = 3 (1 - c)/(2 c) (S. Hu, X. Guo 2015).
+    r"""Law with the damping factor chi = 3 (1 - c)/(2 c).
+
+    Source: S. Hu, X. Guo 2015.
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
@@ -188,7 +213,9 @@ class HuGuo(AbstractReboundingLaw):
 
 
 class SafaeifarFarshidianfar(AbstractReboundingLaw):
-    r"""chi = 5 (1 - c)/(4 c) (H. Safaeifar, A. Farshidianfar 2020).
+    r"""Law with the damping factor chi = 5 (1 - c)/(4 c).
+
+    Source: H. Safaeifar, A. Farshidianfar 2020.
 
     $$\chi = \frac{5 (1 - c)}{4 c}$$
 
@@ -203,7 +230,9 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
 
 class YePounding(AbstractReboundingLaw):
-    r"""chi = 3 (1 - c)/(2 c) with a linear spring, for colliding buildings (K. Ye et al. 2009).
+    r"""Law with the damping factor chi = 3 (1 - c)/(2 c) and a linear spring.
+
+    Source: K. Ye et al. 2009, for colliding buildings.
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
@@ -220,12 +249,14 @@ class YePounding(AbstractReboundingLaw):
 
 
 class PantWijeyewickrema(AbstractReboundingLaw):
-    r"""chi = 3 (1 - c^2)/(2 c^2) with a linear spring (D. R. Pant, A. C. Wijeyewickrema 2012).
+    r"""Law with the damping factor chi = 3 (1 - c^2)/(2 c^2) and a linear spring.
+
+    Source: D. R. Pant, A. C. Wijeyewickrema 2012.
 
     $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
 
-    The delivered restitution is far too small: 0.22 for 0.5, and 0.81 for 0.9. Use this law only to
-    reproduce published results.
+    The delivered restitution is far too small: 0.22 for c = 0.5, and 0.81 for c = 0.9. Use this law
+    only to reproduce published results.
 
     **Warns:** `LawRangeWarning` for any restitution below 1.
 
@@ -253,9 +284,11 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
 
 class ExactRestitution(AbstractReboundingLaw):
-    r"""The chi for which a free impact delivers the requested restitution c, for any elastic force.
+    r"""Law whose damping factor chi delivers exactly the requested restitution c in a free impact.
 
     $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
+
+    The equation holds for any elastic force and is solved numerically for chi.
 
     Source: Y. Gonthier et al. 2004; J. Zhang, I. Sharf 2009.
 

@@ -1,9 +1,10 @@
-"""Laws with a parallel dashpot, F = K delta^n + D delta^m rate, clamped at zero.
+"""Contact laws with a dashpot parallel to the spring, F = K delta^n + D delta^m rate.
 
-They don't use the entry speed. The contact ends at delta = 0, but the clamp sets the force to zero
-earlier, where the dashpot would pull. The delivered restitution depends on this rule: without the
-clamp `KelvinVoigt` and `Tsuji` would deliver the requested value, with it they deliver
-`clamped_restitution`. The force of `KelvinVoigt` jumps at the onset.
+delta is the penetration, m, and rate its time derivative, m/s. Such laws don't use the entry speed.
+A contact ends at delta = 0, but the force is set to zero before, where the dashpot would pull the
+surfaces together. The delivered restitution, the ratio of rebound speed to entry speed in a free
+impact, depends on this rule: without it `KelvinVoigt` and `Tsuji` would deliver the requested
+value, with it they deliver `clamped_restitution`. The force of `KelvinVoigt` jumps at the onset.
 """
 
 import abc
@@ -27,10 +28,11 @@ from .laws import (
 
 
 class AbstractDashpotLaw(AbstractPowerLaw):
-    """F = max(0, K delta^n + D delta^m rate) for delta > 0, with class constants n and m.
+    """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
-    A subclass declares `exponent` n and `damping_exponent` m, and defines `damping`. With m = 0 the
-    force jumps at the onset: declare ``force_jumps = True``.
+    A subclass declares the class constants `exponent` n and `damping_exponent` m, and defines
+    `damping`, which returns D. With m = 0 the force jumps at the onset: declare
+    ``force_jumps = True``.
 
     ```python
     import clearjoint as cj
@@ -71,27 +73,28 @@ class AbstractDashpotLaw(AbstractPowerLaw):
         return jnp.where(closed, jnp.maximum(self.elastic_force(gap) + dashpot, 0.0), 0.0)
 
     def _damped_rate(self, gap: Gap) -> Scalar:
-        """Return the rate on which the dashpot acts, m/s."""
+        """Return the rate that the damping coefficient multiplies, m/s; a subclass may limit it."""
         return gap.rate
 
 
 def damping_ratio(restitution: Scalar) -> Scalar:
-    """Return the damping ratio of an oscillator whose speed falls by a factor c in half a period.
+    """Return the damping ratio of a linear oscillator from the loss of speed in half a period.
 
-    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless, for the factor c = `restitution`.
+    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless, if the speed falls by the factor c =
+    `restitution`.
     """
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
 
 
 def clamped_restitution(ratio: Scalar) -> Scalar:
-    r"""Return rebound speed over entry speed for a spring and dashpot that can't pull.
+    r"""Return rebound speed over entry speed for an impact on a linear spring and dashpot.
 
-    The mass is released where the sum of the two forces vanishes.
+    The mass is released where the sum of the two forces vanishes, since a contact can't pull.
 
     $$e = \exp\left(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\right)$$
 
-    **Arguments:** `ratio`: the damping ratio z, below 1.
+    **Arguments:** `ratio`: the damping ratio z of the oscillator, below 1.
 
     Source: T. Schwager, T. Poeschel 2007.
 
@@ -102,11 +105,13 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 
 
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
-    """Base class of dashpots tuned to a requested restitution for impacts of an effective mass.
+    """Base class of dashpot laws whose damping follows from a requested restitution.
+
+    The restitution is that of free impacts of a given effective mass.
 
     **Arguments:**
 
-    - `restitution`: c in (0, 1].
+    - `restitution`: c in (0, 1], requested ratio of rebound speed to entry speed.
     - `stiffness`: K, a number in N/m^n or an `AbstractStiffness`.
     - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
       against a wall.
@@ -133,7 +138,8 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
 
 
 class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
-    """A tuned dashpot that would deliver the requested restitution if the force could pull."""
+    """Base class of tuned dashpot laws that would deliver the requested restitution if the force
+    could pull, and deliver a larger one because it can't."""
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact of the effective mass."""
@@ -141,14 +147,15 @@ class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
 
 
 class KelvinVoigt(AbstractClampedDashpotLaw):
-    r"""Spring and dashpot, F = K delta + D rate with D = 2 z sqrt(K m) (W. Thomson, W. Voigt).
+    r"""Linear spring and dashpot, F = K delta + D rate, with D = 2 z sqrt(K m) (W. Voigt, Kelvin).
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
-    z is the `damping_ratio` for the requested restitution. It would be delivered if the force could
-    pull until the surfaces separate. With the force clamped at zero, the requested values 0.1, 0.5
-    and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the force jumps to D times the entry speed.
-    S. A. Anagnostopoulos 1988 uses the same law for colliding buildings.
+    m is the effective mass, and z the `damping_ratio` for the requested restitution. This
+    restitution would be delivered if the force could pull until the surfaces separate. Since it
+    can't, the requested values 0.1, 0.5 and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the
+    force jumps to D times the entry speed. S. A. Anagnostopoulos 1988 uses the same law for
+    colliding buildings.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -165,12 +172,12 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
 
 class Tsuji(AbstractClampedDashpotLaw):
-    r"""F = K delta^1.5 + a sqrt(m K) delta^(1/4) rate with a = sqrt(5) z (Y. Tsuji et al. 1992).
+    r"""Law F = K delta^1.5 + sqrt(5) z sqrt(K m) delta^(1/4) rate (Y. Tsuji et al. 1992).
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
-    z is the `damping_ratio` for the requested restitution (J. Antypov, J. A. Elliott 2011). With
-    the force clamped at zero, the delivered restitution is that of `KelvinVoigt`.
+    m is the effective mass, and z the `damping_ratio` for the requested restitution (D. Antypov,
+    J. A. Elliott 2011). The delivered restitution is that of `KelvinVoigt`.
 
     >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -191,8 +198,9 @@ class Jankowski(AbstractTunedDashpotLaw):
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    The force in the rebound is K delta^1.5. It never pulls, and the delivered restitution is close
-    to the requested one.
+    The damping applies while the penetration increases; in the rebound the force is K delta^1.5. It
+    never pulls, and the delivered restitution is close to the requested one, c. m is the effective
+    mass.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
@@ -213,11 +221,11 @@ class Jankowski(AbstractTunedDashpotLaw):
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
-    """Base class of dashpots with an explicit damping coefficient.
+    """Base class of dashpot laws with a given damping coefficient.
 
     **Arguments:**
 
-    - `stiffness`: K, N/m^n, or an elasticity.
+    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
     - `damping_coefficient`: D, N s/m^(1+m), not negative.
     """
 
@@ -233,12 +241,13 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D delta^(1/2) rate, for spheres of a viscous material.
+    r"""Law F = K delta^1.5 + D delta^(1/2) rate for spheres of a viscous material.
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    D is in N s/m^1.5. The restitution decreases with the entry speed, as with metals. At the onset
-    the force is zero but the derivative of the damping force is unbounded.
+    The damping coefficient D is in N s/m^1.5. The restitution decreases with the entry speed, as
+    with metals. At the onset the force is zero but the derivative of the damping force is
+    unbounded.
 
     Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
 
@@ -252,9 +261,11 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
 
 class BordbarHyppanen(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007). D in N s/m^1.65.
+    r"""Law F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007).
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
+
+    The damping coefficient D is in N s/m^1.65.
 
     >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
@@ -266,11 +277,11 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    r"""F = K delta^1.5 + D rate (G. H. Ristow 1992). D in N s/m.
+    r"""Law F = K delta^1.5 + D rate (G. H. Ristow 1992).
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    The force jumps at the onset.
+    The damping coefficient D is in N s/m. The force jumps at the onset.
 
     >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

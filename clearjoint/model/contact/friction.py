@@ -1,7 +1,8 @@
 """Friction laws: the ratio of friction to normal force as a function of the slip speed.
 
-These laws regularise the jump of Coulomb friction at zero speed, so that a contact creeps under
-load. The bristle laws in `.bristles` stick.
+The ratio is mu(v) for the speed v, m/s, below. These laws regularise the jump of Coulomb friction
+at zero speed, so that a contact creeps under a tangential load. The bristle laws in `.bristles`,
+with a deflection of the surfaces, model sticking.
 """
 
 import abc
@@ -63,7 +64,11 @@ class AbstractFriction(AbstractConverting):
 
 
 class AbstractRegularisedFriction(AbstractFriction):
-    """Base class of friction with the `coefficient` mu above a `regularisation_speed`, m/s."""
+    """Base class of Coulomb friction that is regularised at low speed.
+
+    Well above the `regularisation_speed`, m/s, the ratio of friction to normal force is the
+    `coefficient` mu.
+    """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -106,12 +111,12 @@ class LinearCoulomb(AbstractRegularisedFriction):
 
 
 class Threlfall(AbstractRegularisedFriction):
-    r"""mu (1 - exp(-3 v/v_d)) below the speed v_d, constant above (A. G. Threlfall 1978).
+    r"""Coulomb friction that rises as mu (1 - exp(-3 v/v_d)) up to v_d (A. G. Threlfall 1978).
 
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
-    The constant is (1 - exp(-3)) mu = 0.9502 mu; with the value 0.95 mu, which is often printed,
-    the law would jump at v_d. It creeps under load.
+    Above the speed v_d it has the constant value (1 - exp(-3)) mu = 0.9502 mu. With the value
+    0.95 mu, which is often printed, the law would jump at v_d. It creeps under load.
 
     **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
 
@@ -156,7 +161,8 @@ class Ambrosio(AbstractFriction):
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
-        # At v0 the slope is that above v0: with v0 = 0 there are no lower speeds.
+        # The derivative at v0 is that above v0. A maximum would give the mean of both sides, which
+        # is wrong for v0 = 0, where there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)
 
 
@@ -185,7 +191,7 @@ class AbstractFallingFriction(AbstractFriction):
 
 
 class Stribeck(AbstractFallingFriction):
-    r"""(mu_C + (mu_S - mu_C) exp(-(v/v_S)^delta)) tanh(v/v_d) (B. Armstrong-Helouvry 1991).
+    r"""Friction with Stribeck's curve, regularised at low speed (B. Armstrong-Helouvry 1991).
 
     $$\mu(v) = \left(\mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^\delta}\right) \tanh\frac{v}{v_d}$$
 
@@ -223,11 +229,11 @@ class Stribeck(AbstractFallingFriction):
 
 
 class BengisuAkay(AbstractFallingFriction):
-    r"""A parabola up to mu_S at v0, then an exponential decay (M. T. Bengisu, A. Akay 1994).
+    r"""Friction that rises to mu_S at v0 and then decays (M. T. Bengisu, A. Akay 1994).
 
     $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
 
-    Below v0 it is mu_S (1 - (1 - v/v0)^2). The curve is continuous with a kink at v0.
+    Below v0 it is the parabola mu_S (1 - (1 - v/v0)^2). The curve is continuous with a kink at v0.
 
     **Arguments:**
 
@@ -252,7 +258,7 @@ class BengisuAkay(AbstractFallingFriction):
 
 
 class BrownMcPhee(AbstractFallingFriction):
-    r"""A curve that is smooth everywhere (P. Brown, J. McPhee 2016).
+    r"""Friction with a maximum, whose curve is smooth everywhere (P. Brown, J. McPhee 2016).
 
     $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
     v_t)^2 + \frac{3}{4}\right)^2}$$

@@ -1,4 +1,4 @@
-"""Penetration of a contact and slip of its surfaces, the inputs of laws, and validity ranges."""
+"""Penetration of a contact and slip of its surfaces, the inputs of laws, and ranges of validity."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,8 +15,8 @@ from ...math.vectors import Scalar, Vector
 class Gap:
     """Penetration of a contact, its rate, and the radii of the surfaces.
 
-    - `depth`: penetration, m, negative without contact (eq. 13).
-    - `rate`: its time derivative, m/s (eq. 21).
+    - `depth`: penetration, m, negative without contact.
+    - `rate`: its time derivative, m/s, positive while the surfaces approach.
     - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
       instead of the journal's radius, because a difference of radii would lose digits.
 
@@ -50,11 +50,13 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 
 class Limit(NamedTuple):
-    """Value of a quantity of a contact, and the range of values for which a law is valid.
+    """A quantity of a contact: its value, and the range of values for which a law is valid.
+
+    The method `limits` of a law returns one for each quantity that its validity depends on.
 
     - `law`: name of the law's class.
     - `quantity`: name of the quantity, such as "penetration" or "clearance".
-    - `unit`: unit of the three numbers below, as text.
+    - `unit`: of the three numbers below, as text.
     - `value`: present value of the quantity.
     - `least`, `most`: ends of the valid range.
 
@@ -74,10 +76,10 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """Return a sentence for each limit whose value is outside its range.
+    """Return a sentence, for a warning, on each limit whose value is outside its range.
 
-    Only limits of the given `quantity` are checked, and only those with known numbers, not traced
-    by JAX.
+    **Arguments:** `limits`: of a law. `quantity`: name of the quantity to check; other limits are
+    ignored, and so are limits with numbers that JAX traces.
     """
     sentences = []
     for limit in limits:

@@ -1,5 +1,9 @@
-"""The Hunt-Crossley family F = K delta^n (1 + chi rate/entry speed): base classes and elastic
-laws."""
+"""The Hunt-Crossley family of contact laws: base classes, and laws without a requested restitution.
+
+The normal force is F = K delta^n (1 + chi rate/entry speed), N, with the penetration delta, m, its
+rate, m/s, and the entry speed, m/s, which is the rate at the onset of the contact. chi is a
+dimensionless damping factor.
+"""
 
 import abc
 from dataclasses import replace
@@ -24,17 +28,19 @@ from .restitution import delivered_restitution
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):
-    """Base class of laws F = K delta^n (1 + chi rate/entry speed), clamped at zero.
+    """Base class of laws F = K delta^n (1 + chi rate/entry speed), which is never negative.
 
-    A subclass declares the fields below and implements `damping_factor`. The restitution of a free
-    mass is then that of `delivered_restitution`, which may differ from the requested restitution.
+    delta is the penetration and chi the damping factor. A subclass declares the fields below and
+    implements `damping_factor`. The ratio of rebound speed to entry speed in a free impact is then
+    `delivered_restitution`, which may differ from the requested restitution.
 
     - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
       replaces K delta^n.
-    - `exponent`: n, at least 1; as a static field the values 1 and 1.5 are cheap. A cylinder
-      ignores it.
-    - `smoothing`: width w in m, or ``None``. It replaces the penetration by a smooth ramp that
-      begins at delta = -w, and the clamp at zero by a ramp of relative width w/(w + delta).
+    - `exponent`: n, at least 1; as a static field, the values 1 and 1.5 are computed without a
+      general power. A cylinder ignores it.
+    - `smoothing`: width w in m, or ``None``. With it, a smooth ramp that begins at delta = -w
+      replaces the penetration, and a ramp of the relative width w/(w + delta) replaces the lower
+      limit of zero of the damping's factor.
 
     ```python
     import clearjoint as cj
@@ -62,7 +68,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
     def damping_factor(self) -> Scalar:
         """Return chi, dimensionless: the factor of rate/entry speed in the force.
 
-        The hysteresis damping factor is chi K/(entry speed).
+        The hysteresis damping factor of the literature is chi K/(entry speed).
         """
 
     def __check_init__(self):
@@ -82,8 +88,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return 0.0 if self.smoothing is None else self.smoothing
 
     def slope_jumps(self) -> bool:
-        """Return ``False`` if the law is smoothed, or its force starts with an exponent above
-        one."""
+        """Return whether the derivative of the force by the penetration may jump at the onset.
+
+        It doesn't for a smoothed law, or for an exponent above one.
+        """
         return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:
@@ -105,7 +113,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.stiffness.value(gap) * (below + above)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N (eq. 24)."""
+        """Return the normal force, N, never negative; the elastic force for an `entry_speed` of
+        ``None``."""
         if entry_speed is None:
             return self.elastic_force(gap)
         # The quotient doesn't change during a step: in this order it is computed only once.
@@ -148,9 +157,10 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     $$F = K \delta^n (1 + a \dot\delta), \quad a = \frac{3 (1 - c)}{2 v}$$
 
     The damping a doesn't depend on the entry speed. It equals that of `HuntCrossley` at the entry
-    speed v, the `design_speed`, m/s, where the `restitution` c is requested and
-    `delivered_restitution` is delivered. Slower impacts lose less and faster impacts more, as with
-    metals, and a contact with a slow onset doesn't become stiff.
+    speed v, the `design_speed`, m/s. The `restitution` c is requested for this speed, at which
+    impacts have the restitution `delivered_restitution`. Slower impacts lose less and faster
+    impacts more, as with metals. Unlike with `HuntCrossley`, a contact with a slow onset has no
+    large damping, which would make the differential equations stiff.
 
     >>> law = cj.laws.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
     >>> print(f"{law.delivered_restitution():.4f}")
@@ -182,18 +192,19 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
 
 
 class AbstractDampedLaw(AbstractHertzianLaw):
-    """Base class of Hunt-Crossley laws with a requested restitution and a least entry speed.
+    """Base class of Hunt-Crossley laws with a requested restitution and a lower limit of the entry
+    speed.
 
     A subclass defines `damping_factor`, usually from `restitution`.
 
     **Arguments:**
 
-    - `restitution`: requested c, 0 to 1.
+    - `restitution`: requested ratio of rebound speed to entry speed, c, 0 to 1.
     - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
     - `exponent`: n, at least 1; 1.5 by default.
     - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
-    - `entry_speed_floor`: m/s, lower bound of the entry speed, because the damping term diverges at
-      zero entry speed.
+    - `entry_speed_floor`: m/s; slower entry speeds are replaced by it, because the damping diverges
+      at zero entry speed.
 
     ```python
     import clearjoint as cj
@@ -221,6 +232,6 @@ class AbstractDampedLaw(AbstractHertzianLaw):
         )
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N, with the entry speed bounded from below."""
+        """Return the normal force, N, with an entry speed of at least `entry_speed_floor`."""
         assert entry_speed is not None
         return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))

@@ -1,6 +1,7 @@
-"""Interfaces of the normal contact laws and of their elastic force.
+"""Interfaces of the laws of the normal force of a contact, and of their elastic force.
 
-A law computes the force from penetration, its rate, and the entry speed. Laws of the Hunt-Crossley
+A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
+which is the rate at the onset of the contact. Laws of the Hunt-Crossley
 family are in `hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`.
 Other laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
@@ -23,14 +24,16 @@ from ...math.vectors import Scalar
 from .gap import Gap, Limit
 
 SOFTEST_CONTACT = 1e6
-"""Generalised stiffness, N/m^n, below which a warning is issued."""
+"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued."""
 SOLIDS = 1e9, 2e12
-"""Usual range of Young's modulus, Pa, from plastics to diamond."""
+"""Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
 _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 
 
 class AbstractElasticity(AbstractConverting):
-    """Base class of elastic forces of a contact as a function of the penetration.
+    """Base class of the elastic force of a contact as a function of the penetration.
+
+    Laws accept it as their `stiffness`; the force need not be a power of the penetration.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -52,19 +55,21 @@ class AbstractElasticity(AbstractConverting):
     def begins_flat(self, exponent: float) -> bool:
         """Return whether the force is known to start with zero slope at the onset.
 
-        `exponent` is n of a law K delta^n. The default is ``False``.
+        If so, no correction for a kink is computed at the ends of a contact. `exponent` is n of a
+        law K delta^n. The default is ``False``.
         """
         del exponent
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the elastic force at a gap; an empty tuple by default."""
+        """Return the quantities on which the validity of the elastic force depends, with their
+        ranges; an empty tuple by default."""
         del gap
         return ()
 
 
 class AbstractStiffness(AbstractElasticity):
-    """Base class of generalised stiffnesses K, N/m^n, of laws with the elastic force K delta^n.
+    """Base class of stiffnesses K, N/m^n, for laws with the elastic force K delta^n.
 
     ```python
     import clearjoint as cj
@@ -85,7 +90,10 @@ class AbstractStiffness(AbstractElasticity):
         """Return the stiffness K in N/m^n for the radii of a gap."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the exponent is a Python number above one."""
+        """Return whether the exponent is above one, which makes the initial slope zero.
+
+        An exponent that JAX traces is unknown, which gives ``False``.
+        """
         return isinstance(exponent, int | float) and exponent > 1.0
 
     def force(self, gap: Gap, exponent: float) -> Scalar:
@@ -130,7 +138,8 @@ class AbstractMaterialPair(AbstractConverting):
     )
 
     def compliance(self) -> Scalar:
-        """Return the sum of (1 - nu^2)/E of both bodies, 1/Pa: the inverse contact modulus 1/E*."""
+        """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials, with Young's modulus E and
+        Poisson's ratio nu."""
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
@@ -169,23 +178,24 @@ def as_stiffness(value: object) -> AbstractElasticity:
 
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, of a contact that exists at the start of the motion.
+"""Entry speed, m/s, of a contact that exists at the start of the motion, whose onset is unknown.
 
-Its impact is unknown; the large value makes the contact elastic.
+Damping is proportional to the rate over the entry speed, so that this large value makes the contact
+elastic.
 """
 
 
 class AbstractContactLaw(AbstractConverting):
-    """Base class of normal force laws.
+    """Base class of the laws of a contact's normal force.
 
     A subclass defines the force, its elastic part and the stored energy, and two class attributes:
 
     - `uses_entry_speed`: whether the law needs the entry speed of the current contact, which is
       determined at the onset and kept until separation.
     - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
-      with a parallel damper. Derivatives then include the effect of the jump, at the cost of one
-      more evaluation per step. A class that defines `force` without this attribute is assumed to
-      jump: set ``force_jumps = False`` if the force starts and ends at zero.
+      with a parallel damper. Derivatives by parameters then include the effect of the jump, at the
+      cost of one more evaluation per step. A class that defines `force` without this attribute is
+      assumed to jump: set ``force_jumps = False`` if the force starts and ends at zero.
 
     ```python
     import clearjoint as cj
@@ -241,22 +251,25 @@ class AbstractContactLaw(AbstractConverting):
         """Return the elastic energy at a gap, J, zero without contact."""
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the surfaces at which the force begins, m; 0 by default."""
+        """Return the distance of the surfaces at which the force begins, m; 0 by default.
+
+        It is positive for a law that is smoothed over a width.
+        """
         return 0.0
 
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the force by the penetration may jump at the onset.
 
-        It does for a linear spring. If ``True``, the default, steps that end at an onset are
-        corrected for the kink. ``False`` saves one evaluation of the motion at each end of a
-        contact.
+        It does for a linear spring. If ``True``, the default, the solver corrects steps that end at
+        an onset or end of a contact for the kink. ``False`` saves this correction, one evaluation
+        of the equations of motion.
         """
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the law at a gap; an empty tuple by default.
+        """Return the quantities on which the validity of the law depends, with their ranges.
 
-        A warning is issued if a limit is exceeded.
+        A warning is issued for a value outside its range. The default is an empty tuple.
         """
         del gap
         return ()
@@ -277,7 +290,8 @@ class AbstractElasticLaw(AbstractContactLaw):
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the stiffness at a gap."""
+        """Return the quantities on which the validity of the stiffness depends, with their
+        ranges."""
         return self.stiffness.limits(gap)
 
 
@@ -318,7 +332,9 @@ def require_rebound(restitution: Single) -> None:
 def require_flat_law(law: object, surfaces: str) -> None:
     """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
 
-    **Raises:** `ValueError` that names the `surfaces`.
+    **Arguments:** `surfaces`: their names in the error message.
+
+    **Raises:** `ValueError` if the value is no law, or its stiffness is computed from radii.
     """
     require(
         isinstance(law, AbstractContactLaw),
@@ -340,9 +356,9 @@ def require_flat_law(law: object, surfaces: str) -> None:
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Return the normal force of a contact, N.
 
-    **Arguments:** `law`: the normal law. `gap`: penetration, m, and its rate, m/s. `entry_speed`:
-    m/s; ``None`` for a law that doesn't use the entry speed, 0 before the onset is recorded. The
-    current rate then replaces the entry speed, with which it agrees at the onset.
+    **Arguments:** `law`: law of the normal force. `gap`: penetration, m, and its rate, m/s.
+    `entry_speed`: m/s; ``None`` for a law that doesn't use it. It is 0 as long as the onset has not
+    been recorded; the current rate then replaces it, since the two agree at the onset.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)

@@ -1,9 +1,11 @@
 """Line contacts whose penetration is a function of the load: delta = P S [ln(A/P) + k].
 
-P is the force per length and S = 1/(pi E*); the laws differ in the load A and the number k. The
-penetration has a maximum at the load A exp(k - 1), beyond which the formula is invalid. With u =
-ln(A/P) + k the force is L delta/(S u), and u follows from the ratio d of the penetration to its
-maximum: u - 1 - ln u = -ln d, for all laws.
+delta is the penetration, P the force per length, and S = 1/(pi E*) with the contact modulus E*,
+whose inverse is the sum of (1 - nu^2)/E of both materials. The laws differ in the load A and the
+number k. The penetration has a maximum at the load A exp(k - 1), beyond which the formula is
+invalid. With u = ln(A/P) + k and the length L the force is L delta/(S u). u follows from the ratio
+d of the penetration to its maximum: u - 1 - ln u = -ln d, for all laws. In the formulas dR is the
+clearance, and R_i and R_j are the radii of bearing and journal.
 """
 
 import math
@@ -18,14 +20,15 @@ from .cylinders import AbstractCylinder, radii_of
 from .gap import Gap
 
 _STEPS = 5
-"""Steps of Newton's method, which converges from above; four reach rounding accuracy."""
+"""Number of steps of Newton's method in `inverse_of_load`; four reach rounding accuracy."""
 
 
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
     """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
 
-    The ratio is that of the penetration to its maximum; u is ln(A/P) + k.
+    It inverts the law of a line contact: the ratio is that of the penetration to its maximum, and u
+    is ln(A/P) + k, which gives the load P per length.
     """
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
@@ -45,8 +48,11 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 class AbstractLogarithmicCylinder(AbstractCylinder):
     """Base class of line contacts with delta = P S [ln(A/P) + k] for the load P per length, N/m.
 
-    - `constant`: k, dimensionless.
-    - `factor`: that of the load A = factor E* dR, N/m, unless `reference_load` is another.
+    A subclass declares
+
+    - `constant`: k, dimensionless;
+    - `factor`: dimensionless, 4 pi by default, in the load A = factor E* dR for the clearance dR;
+      for another A, the subclass defines `reference_load` instead.
     """
 
     constant: ClassVar[float]
@@ -71,14 +77,14 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the integral of the force per length over the penetration, J/m.
 
-        It is P delta minus the integral of the penetration over the load P.
+        It has a closed form: P delta minus the integral of the penetration delta over the load P.
         """
         u = inverse_of_load(depth / self.deepest(gap))
         return (depth / u) ** 2 * (0.5 * u - 0.25) / self._flatness()
 
 
 class JohnsonCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) - 1] (K. L. Johnson 1985), up to 0.541 clearances dR.
+    r"""Johnson's line contact, valid for penetrations up to 0.541 clearances (K. L. Johnson 1985).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
@@ -92,7 +98,7 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
 
 class EsduCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [ln(4 pi E* dR/P) + 1] (ESDU 78035), up to four clearances dR.
+    r"""Line contact of ESDU 78035, valid for penetrations up to four clearances.
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
@@ -106,14 +112,14 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
 
 class RadzimovskyCylinder(AbstractLogarithmicCylinder):
-    r"""delta = P/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)] (E. I. Radzimovsky 1953).
+    r"""Radzimovsky's line contact (E. I. Radzimovsky 1953).
 
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
-    R = R_i R_j/dR is the relative radius. The formula is used as printed. The factor 1.60 in
-    Roark's handbook refers to diameters; with 2.26 the penetration would be smaller by
-    P/(pi E*) ln 2.
+    P is the force per length, and R = R_i R_j/dR the relative radius of bearing and journal. The
+    formula is used as printed. The factor 1.60 in Roark's handbook refers to diameters; with 2.26
+    the penetration would be smaller by P/(pi E*) ln 2.
 
     >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -126,7 +132,7 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
-    """Base class of formulas with A = L^2 dR/(R_i R_j S) and k = 1."""
+    """Base class of formulas with the load A = L^2 dR/(R_i R_j S), for the length L, and k = 1."""
 
     constant = 1.0
 
@@ -137,7 +143,7 @@ class AbstractLoadByLength(AbstractLogarithmicCylinder):
 
 
 class DubowskyFreudensteinCylinder(AbstractLoadByLength):
-    r"""delta = P/(pi E*) [ln(L^3 dR/(F R_i R_j S)) + 1] (S. Dubowsky, F. Freudenstein 1971).
+    r"""Line contact of S. Dubowsky and F. Freudenstein (1971).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
@@ -149,7 +155,7 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
 
 class GoldsmithCylinder(AbstractLoadByLength):
-    r"""delta = P/(pi E*) [ln(L^3/(F R S)) + 1] with R = R_i R_j/dR (W. Goldsmith 1960).
+    r"""Goldsmith's line contact (W. Goldsmith 1960).
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
     R_j}{\Delta R}$$

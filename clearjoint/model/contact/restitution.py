@@ -1,7 +1,9 @@
 """Delivered restitution of Hunt-Crossley laws, and the damping factor that delivers a given one.
 
-Integrating v dv = -(f(delta)/m) (1 + chi v/v0) d(delta) over both phases of a free impact gives chi
-(1 + e) = ln[(1 + chi)/(1 - chi e)], for any elastic force f, mass and entry speed.
+The delivered restitution e is the ratio of rebound speed to entry speed in a free impact of a mass
+m. With the penetration delta, its rate v, the entry speed v0 and the damping factor chi, the motion
+follows v dv = -(f(delta)/m) (1 + chi v/v0) d(delta). The integral over compression and rebound is
+chi (1 + e) = ln[(1 + chi)/(1 - chi e)], for any elastic force f, mass and entry speed.
 """
 
 import jax
@@ -13,7 +15,8 @@ from jaxtyping import ArrayLike, Float
 from ...math.vectors import Scalar
 
 _SERIES_BELOW = 1e-5
-"""Damping factor below which e = 1 - 2 chi/3 is more accurate than the rounded root."""
+"""Damping factor below which e = 1 - 2 chi/3 is more accurate than the numerical solution, which is
+rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 _MOST_STEPS = 32
 """Step limit of Newton's method, which needs five steps for every damping factor."""
@@ -37,8 +40,9 @@ def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.
 
 @jnp.vectorize
 def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
-    """Return the restitution e for a damping factor chi, one number."""
-    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one.
+    """Return the restitution e for one damping factor chi, a scalar."""
+    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In it the
+    # equation is y - 1 + exp(-y) = chi - ln(1 + chi). The left side is about y^2/2 for small y.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -51,14 +55,17 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
-    """Return y - 1 + exp(-y) - loss, which increases and is convex, so that Newton's method
-    converges.
+    """Return the residual y - 1 + exp(-y) - loss of the unknown y.
+
+    It increases with y > 0 and is convex, so that Newton's method converges.
     """
     return y + jnp.expm1(-y) - loss
 
 
 _SERIES_TERMS = 18
+"""Number of terms of the power series of `_chord`, with which it is exact to rounding."""
 _SERIES_WITHIN = 0.1
+"""Largest absolute value of x for which `_chord` is computed by its power series."""
 _EXACT_STEPS = 5
 """Steps of Newton's method; four reach rounding accuracy for restitutions between 1e-6 and 1."""
 
@@ -85,7 +92,8 @@ def _logarithm(e: Scalar) -> Scalar:
 
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
-    # Start from the factor of Carvalho and Martins, or from the asymptote for small e.
+    # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
+    # from the asymptote for small e.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
         e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
@@ -108,16 +116,21 @@ def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[S
 
 
 def _relation(y: Scalar, e: Scalar) -> Scalar:
-    """Return a residual that increases with y and is zero for y = -ln(1 - chi e), chi > 0.
+    """Return a residual that increases with y and is zero for the unknown y = -ln(1 - chi e).
 
-    The trivial root chi = 0 of the relation is divided out.
+    The equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for
+    x = chi and x = -chi e. The residual is the difference of the square roots, divided by chi and
+    thus without the trivial root chi = 0.
     """
     loss = -jnp.expm1(-y)
     return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
 
 
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
-    """Return sqrt(2 (x - ln(1 + x)))/|x| for x > -1 and its logarithm, accurate near zero."""
+    """Return sqrt(2 (x - ln(1 + x)))/|x|, accurate near zero too.
+
+    **Arguments:** `x`: above -1; `logarithm`: ln(1 + x), which the caller knows more accurately.
+    """
     near = jnp.abs(x) < _SERIES_WITHIN
     small = jnp.where(near, x, 0.0)
     large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)

@@ -1,1 +1,1 @@
-"""Elements that drive joints: prescribed motions, functions of time, torques and motors."""
+"""Elements that drive a mechanism: prescribed motions, torques, motors, and functions of time."""

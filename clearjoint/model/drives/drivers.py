@@ -48,7 +48,7 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that act on the angle of a second body about an axis of a first body.
+    """Base class of elements that act on the angle of a second body about an axis of a first.
 
     - `axis`: (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
@@ -65,14 +65,17 @@ class AbstractDrive(AbstractPair):
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the axis relative to the first body, as a row.
 
-        The row has the value of the angle, rad within (-pi, pi], and its Jacobian. The angle is
-        right-handed about the axis.
+        The row holds the angle, rad within (-pi, pi], right-handed about the axis, and the
+        derivatives of its rate by the velocities of both bodies.
         """
         return angle_about(*self._between(motions), self.axis, self.orientation)
 
 
 class AbstractDriveAboutAxis(AbstractDrive):
-    """A drive with the usual order of fields: names and axis first, the orientation last."""
+    """Base class of drives that declares the names of the bodies and the axis as first fields.
+
+    Subclasses add their own fields, and the orientation, which has a default, last.
+    """
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
@@ -80,15 +83,16 @@ class AbstractDriveAboutAxis(AbstractDrive):
 
 
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
-    """An ideal driver: the second body's angle follows a function of time; one row.
+    """Base class of ideal drivers: the second body's angle follows a function of time.
 
-    The multiplier is the driving moment in N m, positive if it pushes the second body towards
-    larger angles: `observe(...).reactions[driver]` has it as the moment on each body. The energy
-    ledger lists its work as "supplied". Angles are taken modulo 2 pi, so that the number of
-    revolutions is unlimited.
+    This is one constraint row, whose Lagrange multiplier is the driving moment in N m, positive if
+    it pushes the second body towards larger angles. `observe(...).reactions[driver]` has it as the
+    moment on each body. The energy ledger of a run lists its work as "supplied". Angles are taken
+    modulo 2 pi, so that the number of revolutions is unlimited.
 
     If the angle has kinks, declare their times as `breakpoints`: velocities jump there by an
-    impulse of the driver. A run ends with `RESULTS.not_followed` if the driver can't be followed.
+    impulse of the driver. A run ends with `RESULTS.not_followed` if the mechanism can't follow the
+    driver.
 
     ```python
     import clearjoint as cj
@@ -120,7 +124,10 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
         """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return one row, "angle": the angle minus the prescribed angle, rad modulo 2 pi."""
+        """Return one row, "angle": the angle minus the prescribed angle, rad.
+
+        Whole revolutions are left out of the difference.
+        """
         row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
@@ -135,7 +142,7 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
     - `first`, `second`: names of the bodies.
     - `axis`: (3,) in the first body's axes, any length.
     - `speed`: rad/s, right-handed about the axis.
-    - `initial_angle`: rad, at time zero.
+    - `initial_angle`: rad, at time zero; zero by default.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
 
@@ -154,7 +161,9 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques about an axis on the second body, with the reaction on the first.
+    """Base class of torques on a second body about an axis of a first, on which the reaction acts.
+
+    A subclass defines the torque as a function of angle, speed and time, as this motor does:
 
     ```python
     import clearjoint as cj
@@ -183,9 +192,11 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         """
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the torque on the second body and its reaction on the first, by body."""
+        """Return the torque on the second body and its reaction on the first, as wrenches by name
+        of the body."""
         angle = self.relative_angle(motions)
         torque = self.torque_at(angle.value, rate_of(angle, motions), t)
+        # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
         return {
             name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
         }
@@ -238,12 +249,14 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
         return value_at(self.torque, t)
 
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of a torque that is a function of time, s."""
+        """Return the times, s, at which a torque that is a function of time jumps or has a kink."""
         return breakpoints_of(self.torque)
 
 
 class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
-    """Prescribes the second body's angle relative to the first as a function of time; one row.
+    """Prescribes the second body's angle relative to the first as a function of time.
+
+    Its constraint is the row "angle" of `AbstractRotationDriver`.
 
     ```python
     import clearjoint as cj
@@ -297,11 +310,11 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
-    """Prescribes a point's distance along an axis of the first body as a function of time; one row.
+    """Prescribes the distance of two points along an axis of the first body as a function of time.
 
     It doesn't constrain the motion across the axis: add a prismatic or cylindrical joint. The
-    multiplier is the driving force in N, positive if it pushes the second body along the axis. The
-    energy ledger lists its work as "supplied".
+    Lagrange multiplier of its one row is the driving force in N, positive if it pushes the second
+    body along the axis. The energy ledger of a run lists its work as "supplied".
 
     **Arguments:**
 
@@ -311,7 +324,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
 
-    **Raises:** as `PrescribedAngle`.
+    **Raises:** `ValueError` as for `PrescribedAngle`.
 
     >>> slide = cj.PrescribedTranslation(
     ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
@@ -351,16 +364,18 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
 
 ROUNDING = 0.02
-"""Half-width of the smooth transition to the torque limit, as a fraction of the limit."""
+"""Half of the range of torques over which `Motor` changes smoothly to its torque limit, as a
+fraction of the limit."""
 SI = "give it in SI units"
 
 
 class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
 
-    The torque is proportional (target - angle) + derivative (target's rate - speed), limited in
-    both directions. Within 2 % of the limit a parabola replaces the kink, so that derivatives are
-    continuous and steps stay long; elsewhere the limit is exact.
+    The torque is P (target - angle) + D (target's rate - speed), with the gains P and D in the
+    arguments `proportional` and `derivative`. It is limited in both directions. Within 2 % of the
+    limit a parabola replaces the kink, so that derivatives are continuous and steps stay long;
+    elsewhere the limit is exact.
 
     The angle's error is taken within half a revolution. To control a speed regardless of the angle,
     set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
@@ -416,12 +431,14 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
 
         **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: time, s.
         """
+        # JAX differentiates floats only, not a time given as an integer.
         t = jnp.asarray(t, dtype=float)
         target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         if self.torque_limit is None:
             return torque
+        # Smooth ramps of the excess over the limit in either direction, which is taken off.
         width = ROUNDING * self.torque_limit
         excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
         return torque - ramp(excess, width) + ramp(shortfall, width)

@@ -1,4 +1,4 @@
-"""Functions of time for drives and loads, and the fields of elements that hold them."""
+"""Functions of time for drives and loads, and declarations of the fields that hold them."""
 
 import abc
 from collections.abc import Callable
@@ -23,8 +23,8 @@ class AbstractFunctionOfTime(AbstractConverting):
     """Base class of functions of time that JAX can differentiate twice.
 
     The argument is the time in s. The value is in the SI unit of the angle, distance, torque or
-    force that the function prescribes. The class attribute `jumps` states whether the function may
-    jump; functions for torques and loads may, functions for angles and distances may not.
+    force that the function prescribes. The class attribute `jumps`, false by default, states
+    whether the value may jump: a torque or load may, but an angle or distance may not.
 
     ```python
     import clearjoint as cj
@@ -56,7 +56,10 @@ class AbstractFunctionOfTime(AbstractConverting):
 
 
 class PlainFunction(AbstractFunctionOfTime):
-    """A Python function of the time, which becomes part of the compiled program."""
+    """A Python function of the time in s, which becomes part of the compiled program.
+
+    Arguments of drives and loads are converted to it.
+    """
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
@@ -66,12 +69,10 @@ class PlainFunction(AbstractFunctionOfTime):
 
 
 class Polynomial(AbstractFunctionOfTime):
-    """A polynomial in time, with the lowest power first.
+    """A polynomial in time.
 
-    (2.0,) is constant; (0.1, 50.0) is 0.1 + 50 t.
-
-    **Arguments:** `coefficients`: (N,), c_k of the sum of c_k t^k, in the SI unit of the value over
-    s^k.
+    **Arguments:** `coefficients`: (N,), the lowest power first: c_0, c_1, ... of the sum of c_k
+    t^k, in the SI unit of the value over s^k. For example, (0.1, 50.0) is 0.1 + 50 t.
 
     **Raises:** `ValueError` if the coefficients are not a row of finite numbers.
 
@@ -89,6 +90,7 @@ class Polynomial(AbstractFunctionOfTime):
 
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""
+        # Horner's scheme.
         value: Scalar = 0.0
         for k in reversed(range(self.coefficients.shape[0])):
             value = value * t + self.coefficients[k]
@@ -96,7 +98,11 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class AbstractTable(AbstractFunctionOfTime):
-    """Base class of functions from a table of `times`, (N,) s, and `values`, (N,) or (N, 3)."""
+    """Base class of functions of time given by a table.
+
+    The table consists of `times`, (N,) s, increasing, and `values`, (N,), or (N, 3) for the
+    components of a force or torque.
+    """
 
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)
@@ -106,16 +112,17 @@ class AbstractTable(AbstractFunctionOfTime):
 
 
 class Spline(AbstractTable):
-    """Cubic Hermite polynomials between the times of a table of values and rates.
+    """A cubic spline through a table of values and their rates.
 
-    `Spline.through(times, values)` computes the rates for continuous curvature that is zero at the
-    ends. Outside the table the function continues along its tangent.
+    Between two times it is the cubic polynomial with the given values and rates at both (Hermite
+    interpolation). `Spline.through(times, values)` computes rates for which the second derivative
+    is continuous, and zero at the ends. Outside the table the function continues along its tangent.
 
     **Arguments:**
 
     - `times`: (N,) s, increasing.
     - `values`: (N,), or (N, 3) for a force.
-    - `rates`: the same shape, per second.
+    - `rates`: time derivatives of the values, of the same shape.
 
     **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
     is not finite, or the times are not increasing.
@@ -135,9 +142,9 @@ class Spline(AbstractTable):
 
     @staticmethod
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
-        """Return the natural cubic spline through a table (SciPy's `CubicSpline`).
+        """Return the natural cubic spline through a table, from SciPy's `CubicSpline`.
 
-        The curvature is continuous, and zero at both ends.
+        Its second derivative is continuous, and zero at both ends.
 
         **Arguments:** `times`: (N,) s, increasing. `values`: (N,), or (N, 3) for a force.
 
@@ -162,7 +169,7 @@ class Spline(AbstractTable):
         return value + before * rates[0] + after * rates[-1]
 
     def breakpoints(self) -> PyTree:
-        """Return an empty tuple: the spline is smooth enough for the integration."""
+        """Return an empty tuple, since integration steps need not end at the times of the table."""
         return ()
 
 
@@ -172,6 +179,8 @@ FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scala
 
 def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     """Return a number, a Python function or a function of time as an `AbstractFunctionOfTime`.
+
+    A number becomes a constant `Polynomial`, a Python function a `PlainFunction`.
 
     **Raises:** `ValueError` if the value is neither a number nor a function.
     """
@@ -189,7 +198,9 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 
 
 def require_table(times: ArrayLike, values: ArrayLike) -> None:
-    """Check a table: at least two increasing times, (N,) s, and a value, or three, for each.
+    """Check that a table consists of at least two increasing times, (N,) s, and their values.
+
+    `values` has the shape (N,), or (N, 3) for vectors.
 
     **Raises:** `ValueError` that names the argument `times` or `values`.
     """
@@ -218,8 +229,8 @@ class PiecewiseConstant(AbstractTable):
     """A step function from a table, for torques and loads that are switched.
 
     Each value holds from its time until the next; the first value also holds before the first time,
-    the last value after the last time. The times are declared as `breakpoints` and may be
-    parameters: steps end there, and derivatives include the effect of each jump.
+    the last value after the last time. The times are declared as `breakpoints`, so that integration
+    steps end there. They may be parameters; derivatives by them include the effect of each jump.
 
     ```python
     import clearjoint as cj
@@ -246,7 +257,7 @@ class PiecewiseConstant(AbstractTable):
         return values[jnp.maximum(jnp.searchsorted(times, t, side="right") - 1, 0)]
 
     def breakpoints(self) -> PyTree:
-        """Return the switching times, s."""
+        """Return the times at which the value jumps, s: all but the first of the table."""
         return self.times[1:]
 
 
@@ -281,41 +292,52 @@ class PiecewiseLinear(AbstractTable):
         return values[k] + fraction * (values[k + 1] - values[k])
 
     def breakpoints(self) -> PyTree:
-        """Return all times of the table, s."""
+        """Return all times of the table, s, at which the slope jumps."""
         return self.times
 
 
 SingleInTime: TypeAlias = Single | AbstractFunctionOfTime
-"""A number or a function of time."""
+"""One number in a field, or a function of time."""
 TripleInTime: TypeAlias = Triple | AbstractFunctionOfTime | tuple[SingleInTime, ...]
-"""Three components, each a number or a function of time, or one function that returns three
-numbers."""
+"""Vector in a field: three components, each a number or a function of time, or one function of time
+that returns three numbers."""
 ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a function of time"
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field with a number or a function of time; `options` are those of `quantity`."""
+    """Declare a field of an element that holds a number or a function of time.
+
+    `unit` is that of the value, and `options` are those of `quantity`.
+    """
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field with three numbers or functions; `options` are those of `quantity`."""
+    """Declare a field of an element that holds a vector, constant or a function of time.
+
+    It consists of three numbers or functions, or is one function that returns three numbers. `unit`
+    is that of the components, and `options` are those of `quantity`.
+    """
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """Return a number as an array, or a function as an `AbstractFunctionOfTime`."""
+    """Return the value of a field declared by `single_in_time` in the form in which it is stored.
+
+    A number becomes an array, (), and a Python function an `AbstractFunctionOfTime`.
+    """
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Return three numbers as an array, (3,), or functions as `AbstractFunctionOfTime`s.
+    """Return the value of a field declared by `triple_in_time` in the form in which it is stored.
 
-    Three components of which one is a function become a tuple of three.
+    Three numbers become an array, (3,); three components, of which at least one is a function, a
+    tuple; and a function that returns three numbers an `AbstractFunctionOfTime`.
     """
     if isinstance(value, AbstractFunctionOfTime):
         return value
@@ -327,7 +349,9 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
 
 def value_at(given: SingleInTime, t: Scalar) -> Scalar:
-    """Return a number unchanged, or the value of a function of time at the time `t`, s.
+    """Return the value that a field declared by `single_in_time` has at the time `t`, s.
+
+    **Arguments:** `given`: content of the field, a number or a function of time.
 
     **Raises:** `ValueError` if the function doesn't return one number.
     """
@@ -341,10 +365,10 @@ def value_at(given: SingleInTime, t: Scalar) -> Scalar:
 
 
 def vector_at(given: PyTree, t: Scalar) -> Vector:
-    """Return the vector that a field holds at the time `t`, s.
+    """Return the vector that a field declared by `triple_in_time` has at the time `t`, s.
 
-    **Arguments:** `given`: a constant `Vector`, a tuple of three numbers or functions of time, or
-    one function that returns three numbers.
+    **Arguments:** `given`: content of the field: a constant `Vector`, a tuple of three numbers or
+    functions of time, or one function that returns three numbers.
 
     **Raises:** `ValueError` if a function returns another number of values.
     """
@@ -364,7 +388,10 @@ def _shape(value: PyTree) -> tuple[int, ...]:
 
 
 def breakpoints_of(*given: PyTree) -> PyTree:
-    """Return the breakpoints of all functions of time in the given fields, s, as a tuple."""
+    """Return the breakpoints of all functions of time in the given fields, s, as a tuple.
+
+    Breakpoints are the times of jumps and kinks. Constants and Python functions have none.
+    """
     parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
 

@@ -1,4 +1,5 @@
 """Ideal joints between bodies, their constraint rows and motion subspaces.
 
-The interfaces of all elements of a scene are in `base`.
+A motion subspace is the set of relative motions that a joint allows. The interfaces of all elements
+of a scene are in `base`.
 """

@@ -1,7 +1,8 @@
 """Interfaces of the elements of a scene: constraints, forces and contact joints.
 
 User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
-registration is needed. All methods receive the scalar types of `clearjoint.math.vectors`.
+registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
+three scalars, not arrays, and so are the element's fields with three numbers.
 """
 
 import abc
@@ -37,7 +38,8 @@ Motions: TypeAlias = Mapping[str, Motion]
 ...     return motions["arm"].position.z
 """
 ByLabel: TypeAlias = dict[str, dict[str, T]]
-"""Values by name of the joint, then by label of the contact or constraint row of that joint."""
+"""Values of contacts or constraint rows, ``values[joint][label]``: by name of the joint, then by
+label of the contact or row."""
 Attachment: TypeAlias = tuple[str, str, Triple]
 """A point that an element has on a body: the name of the element's field that holds the point, the
 name of the body, and the point's position from the centre of mass, (3,) m in body axes."""
@@ -70,7 +72,8 @@ class Row:
 
 
 class AbstractElement(AbstractConverting):
-    """Base class of joints, forces and drivers: everything in a scene that acts on bodies."""
+    """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
+    bodies."""
 
     @abc.abstractmethod
     def body_names(self) -> tuple[str, ...]:
@@ -81,11 +84,12 @@ class AbstractElement(AbstractConverting):
         is an empty tuple.
 
         A breakpoint is a jump or kink of the force, or a kink of the prescribed angle. Return a
-        number, an array of any shape, or a tuple of numbers and arrays, in any order. Derivatives
-        by the breakpoints themselves are available if the times are computed from the element's
-        fields. Integration steps end at breakpoints, each step sees one side only, and derivatives
-        include the effect of the jump. A jump at an undeclared time costs many short steps, and
-        `sensitivities` raises an error for it.
+        number, an array of any shape, or a tuple of numbers and arrays, in any order. The times may
+        be parameters: compute them from the element's fields to get derivatives by them.
+
+        Integration steps end at breakpoints, so that each step uses the function on one side only,
+        and derivatives by parameters include the effect of the jump. A jump at an undeclared time
+        costs many short steps, and `sensitivities` raises an error for it.
         """
         return ()
 
@@ -103,7 +107,9 @@ class AbstractElement(AbstractConverting):
 
 
 class AbstractConstraint(AbstractElement):
-    """An ideal joint: constraint equations Phi = 0 (eq. 27), enforced by Lagrange multipliers.
+    """Base class of ideal joints and drivers: constraint equations Phi = 0.
+
+    Lagrange multipliers, the forces and moments of the joint, enforce the equations.
 
     This example is a massless rod between two centres of mass. `rows_from_residual` differentiates
     its equation (d^2 - l^2)/2 = 0 for the distance d and the rod's length l:
@@ -146,9 +152,9 @@ class AbstractConstraint(AbstractElement):
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
         """Return the relative motion that the joint allows, for integration in joint coordinates.
 
-        `parent` is the name of one of the joint's two bodies. The subspace describes the motion of
-        the other body relative to it, and replaces the constraint rows. Return ``None``, the
-        default, if the joint has no motion subspace: its constraint rows are then kept.
+        The returned subspace describes the motion of the joint's other body relative to the body
+        with the name `parent`, and replaces the constraint rows. Return ``None``, the default, if
+        the relative motion has no such description: the joint's constraint rows are then kept.
         """
         del parent
         return None
@@ -183,9 +189,10 @@ class AbstractForce(AbstractElement):
 
     @abc.abstractmethod
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench on each body by name, at time `t` in s; one on the ground is ignored.
+        """Return the wrench on each body by name, at time `t` in s.
 
-        `motions` contains the motion of each body by name.
+        A wrench is a force at the centre of mass, N, and a moment, N m. One on the ground is
+        ignored. `motions` contains the motion of each body by name.
         """
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
@@ -215,12 +222,13 @@ class Contact:
     - `normal`: global unit vector, the direction in which the second body penetrates the first. The
       normal force on the second body is -F normal, on the first +F normal.
     - `arm_first`, `arm_second`: contact points on the first and the second body's surface, from
-      that body's centre of mass, m in that body's axes (eq. 17).
+      that body's centre of mass, m in that body's axes.
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
-    - `line_first`, `line_second`: optional points on the normal force's line of action, m in each
-      body's axes. Without friction the force acts at these points instead of `arm_first` and
-      `arm_second`, which saves arithmetic and rounding errors.
+    - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
+      centre of a ball, from the centre of mass, m in each body's axes. Without friction the force
+      acts at these points instead of `arm_first` and `arm_second`, which has the same effect with
+      less arithmetic and rounding.
     - `turning`: ``None``, except for a contact that acts as a couple. It then consists of the
       derivatives of the penetration's rate by the first and the second body's spin, m in body axes.
       A normal force F acts as the moments -F times these vectors, without a net force. `normal` is
@@ -243,8 +251,10 @@ class Contact:
     turning: tuple[Vector, Vector] | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
-        """Return the points where the force acts on the first and the second body, m, each in its
-        body's axes.
+        """Return the points where the force acts on the first and the second body.
+
+        Each is in m, from the centre of mass, in its body's axes. Without friction, points on the
+        normal force's line of action are preferred.
         """
         if has_friction or self.line_first is None or self.line_second is None:
             return self.arm_first, self.arm_second
@@ -254,8 +264,9 @@ class Contact:
 class AbstractContactJoint(AbstractElement):
     """A joint with unilateral contacts between a first and a second body.
 
-    Each contact has a label and a normal law, which may use the entry speed. This example is a ball
-    on a horizontal floor. Test a user-defined joint with `clearjoint.testing.check_contact_joint`.
+    Each contact has a label and a law for its normal force, which may use the entry speed: the
+    penetration rate at the onset of the contact. This example is a ball on a horizontal floor. Test
+    a user-defined joint with `clearjoint.testing.check_contact_joint`.
 
     ```python
     import clearjoint as cj
@@ -289,7 +300,7 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law of each contact by label."""
+        """Return the law of the normal force of each contact, by label."""
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -304,9 +315,10 @@ class AbstractContactJoint(AbstractElement):
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle laws by label of the contact; empty by default.
+        """Return the friction laws with bristles by label of the contact; empty by default.
 
-        A bristle law replaces `friction_force` for its contact, whose `slip` must not be ``None``.
+        Such a law models sticking by a deflection of the surfaces, which is integrated with the
+        motion. It replaces `friction_force` for its contact, whose `slip` must not be ``None``.
         """
         return {}
 
@@ -321,7 +333,7 @@ class AbstractContactJoint(AbstractElement):
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the wrench of a lubricant film on each body by name; empty by default.
 
-        The energy ledger counts the whole power of these wrenches as dissipated.
+        The energy ledger of a run counts the whole power of these wrenches as dissipated.
         """
         del motions
         return {}
@@ -335,9 +347,10 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of a contact's normal law; empty by default.
+        """Return the quantities on which the validity of a contact's law depends, with their
+        ranges; an empty tuple by default.
 
-        A run that records impacts warns of penetrations outside the limits.
+        A run that records impacts warns of penetrations outside their range.
 
         **Arguments:** `name`: label of the contact. `depth`: penetration, m.
         """
@@ -365,8 +378,8 @@ class AbstractContactJoint(AbstractElement):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load.
 
-        Return ``None``, the default, if there is no position of rest. Unlike in other methods, the
-        joint's fields are arrays here, not scalars.
+        `assemble` uses it for the joints in its argument `resting`. Return ``None``, the default,
+        if there is no position of rest. Unlike in most methods, vectors are arrays here, (3,).
 
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
@@ -375,11 +388,12 @@ class AbstractContactJoint(AbstractElement):
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the anchor that reduces rounding errors of a joint with the ground; ``None`` by
-        default.
+        """Return the points of a joint with the ground near which rounding errors are reduced;
+        ``None`` by default.
 
-        The anchor consists of the name of the moving body, the joint's point on this body, m in its
-        axes, and the joint's point on the ground, m in global axes.
+        They consist of the name of the moving body, the joint's point on this body, m in its axes,
+        and the joint's point on the ground, m in global axes. The small distance of the two points
+        is then computed without the difference of large coordinates.
         """
         return None
 
@@ -410,7 +424,10 @@ class AbstractPair(AbstractElement):
         return self.first, self.second
 
     def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
-        """Return names and motions of both bodies: the first arguments of a constraint row."""
+        """Return the pair of names, and the motions of both bodies.
+
+        They are the first three arguments of the functions in `constraint_rows`.
+        """
         return (self.first, self.second), motions[self.first], motions[self.second]
 
 

@@ -1,4 +1,9 @@
-"""Constraint rows of which the ideal joints are composed, and their combinations."""
+"""Constraint rows of which the ideal joints are composed, and their combinations.
+
+A row is one scalar constraint equation Phi = 0 with its derivatives. Its Jacobian holds the
+derivatives of the rate of Phi by the velocities and spins of the bodies, and its bias is the second
+time derivative of Phi if all accelerations are zero.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
@@ -25,13 +30,15 @@ from ..bodies import NO_WRENCH, Motion, Wrench
 from .base import Motions, Row
 
 Pair = tuple[str, str]
+"""Names of the first and the second body of a joint."""
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return the Jacobian and the bias of a body-fixed point's coordinate along a fixed direction.
+    """Return the Jacobian and the bias of the coordinate of a body's point along a fixed direction.
 
-    The point `local`, m, is in body axes; `direction` is a global unit vector. The bias is the
-    centripetal acceleration along the direction, m/s^2.
+    The bias is the centripetal acceleration along the direction, m/s^2.
+
+    **Arguments:** `local`: the point, m in body axes; `direction`: a unit vector in global axes.
     """
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
@@ -45,7 +52,7 @@ def _negative(wrench: Wrench) -> Wrench:
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Return three rows that keep a point of the first body at a point of the second (eq. 25).
+    """Return three rows that keep a point of the first body at a point of the second.
 
     The rows' values are the global components of the vector from the second point to the first, m,
     with the labels "translation x", "translation y" and "translation z".
@@ -62,6 +69,7 @@ def coincident_points(
     >>> print(f"{rows['translation x'].value:.1f} m")
     -0.1 m
     """
+    # One row for each global axis: the difference of the points' coordinates along it.
     separation = first.point(local_first) - second.point(local_second)
     rows = {}
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
@@ -150,8 +158,8 @@ def turning_angle(
     """Return the angle of a direction of the second body about an axis of the first, as a row.
 
     The angle is measured from the first of the axis' `transverse_axes` to the projection of the
-    direction on the plane across the axis. It is the row's value, rad within (-pi, pi]. The
-    derivatives are exact even if the direction is not perpendicular to the axis.
+    direction on the plane across the axis. It is the row's value, rad within (-pi, pi]. Jacobian
+    and bias are exact even if the direction is not perpendicular to the axis.
 
     **Arguments:**
 
@@ -186,7 +194,10 @@ def turning_angle(
 
 
 def rate_of(row: Row, motions: Motions) -> Scalar:
-    """Return the part of the rate of a row's value that is due to the motion of the bodies."""
+    """Return the part of the rate of a row's value that is due to the motion of the bodies.
+
+    The other part, the row's `time_rate`, is due to a prescribed function of time.
+    """
     return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
 
 
@@ -207,7 +218,7 @@ def relative_angle_row(
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # An axis and its opposite define the same joint. With the nearer one, the shortest rotation
-    # between the axes exists, and `direction` is `start` in the second body's axes.
+    # between the axes exists. `direction` is `start` in the second body's axes at angle zero.
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
@@ -218,8 +229,13 @@ def angle_about(
 ) -> Row:
     """Return the angle of the second body about an axis of the first, rad in (-pi, pi], as a row.
 
-    **Arguments:** `names`, `first`, `second`: as for `turning_angle`. `axis`: in the first body's
-    axes, any length. `orientation`: from the second body's axes to the first's at angle zero.
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis`: in the first body's axes, any length.
+    - `orientation`: Euler parameters that transform components in the second body's axes to the
+      first's at angle zero.
     """
     axis = unit(axis)
     start, _ = transverse_axes(axis)
@@ -250,9 +266,10 @@ def rows_from_residual(
     first: Motion,
     second: Motion,
 ) -> dict[str, Row]:
-    """Return constraint rows by label, with derivatives by automatic differentiation.
+    """Return constraint rows by label, whose derivatives are found by automatic differentiation.
 
-    User-defined joints need only a function of the positions; hand-written derivatives are faster.
+    With it, a user-defined joint needs only a function of the positions. Hand-written Jacobians and
+    biases are faster.
 
     **Arguments:**
 
@@ -278,6 +295,7 @@ def rows_from_residual(
         )
     )
 
+    # The rates of the constraint equations, from the poses and velocities of both bodies.
     def rate(
         poses: tuple[Pose, Pose], velocities: tuple[Velocities, Velocities]
     ) -> tuple[Scalar, ...]:
@@ -333,12 +351,12 @@ def sum_of_rows(rows: Iterable[Row]) -> Row:
 
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
-    """Return the row that keeps a vector's length constant.
+    """Return the row that keeps a vector's length constant, such as that of a massless rod.
 
     The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
 
     **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
-    `length`: required length, m.
+    `length`: required length, m. `motions`: motion of each body by name.
     """
     components = list(components)
     names = {name: None for row in components for name in row.jacobian}
@@ -352,6 +370,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
         for name, wrench in row.jacobian.items():
             rate = rate + motions[name].power(wrench)
             jacobian[name] = jacobian[name] + _scaled(wrench, slope)
+        # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
         value = value + 0.5 * slope * row.value
         bias = bias + rate * rate / length + slope * row.bias
     return Row(value, jacobian, bias)

@@ -1,4 +1,7 @@
-"""Ideal joints that couple two motions: a mesh of gears, a screw, and a universal joint."""
+"""Ideal joints that couple two rotations, or a rotation and a translation.
+
+They are a mesh of gears, a screw, and a universal joint.
+"""
 
 import math
 from dataclasses import replace
@@ -117,17 +120,23 @@ class GearJoint(AbstractConstraint):
 class ScrewMotion(AbstractTurning):
     """Rotation by an angle about an axis, with a proportional advance along the axis.
 
-    The position is the angle, rad; its rate is the only speed.
+    It is the motion that a `ScrewJoint` allows a child body relative to its parent body. The
+    position is the angle, rad; its rate is the only speed.
 
     - `axis`: unit vector in the child's axes.
-    - `reference`: orientation at angle zero.
+    - `reference`: Euler parameters that transform the child's components to the parent's at angle
+      zero.
     - `pitch`: advance per angle, m/rad.
     """
 
     pitch: Scalar
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle, rad, whose revolutions the advance tells, and its rate, rad/s."""
+        """Return the angle, rad, and its rate, rad/s, for a relative motion of the child.
+
+        The orientation gives the angle up to whole revolutions, and the advance along the axis
+        gives their number.
+        """
         angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
         error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
@@ -138,7 +147,10 @@ class ScrewMotion(AbstractTurning):
         return self.axis * (self.pitch * position)
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """Return a rotation about the axis at 1 rad/s with its advance, in the child's axes."""
+        """Return the relative motion for a speed of 1 rad/s, in the child's axes.
+
+        It is a rotation about the axis and the advance along it.
+        """
         del position
         return (Twist(self.axis, self.axis * self.pitch),)
 
@@ -166,7 +178,8 @@ class ScrewJoint(AbstractAxisJoint):
 
     The equation gives the acceleration a of a nut of mass m and moment of inertia J that descends
     under gravity g on a vertical screw of lead l. The advance is taken modulo the lead, so that the
-    number of revolutions is unlimited: of all positions for an angle, the joint holds the nearest.
+    number of revolutions is unlimited: of all advances that belong to an angle, which differ by the
+    lead, the joint holds the nearest.
 
     **Arguments:**
 
@@ -189,7 +202,11 @@ class ScrewJoint(AbstractAxisJoint):
     lead: Single = quantity("m", check=_require_lead)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return "offset 1", "offset 2" and "thread", m, and "tilt 1" and "tilt 2", cosines."""
+        """Return five rows: the position across the axis, the tilts, and the thread.
+
+        "offset 1" and "offset 2" are distances across the axis, m, "tilt 1" and "tilt 2" cosines
+        that are zero for parallel axes, and "thread" is the error of the advance, m.
+        """
         del t
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
@@ -201,7 +218,7 @@ class ScrewJoint(AbstractAxisJoint):
         return replace(row, value=wrapped(row.value, self.lead))
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
-        """Return the subspace of rotation about the axis with its advance."""
+        """Return the subspace of rotation about the axis with its advance along the axis."""
         points = self._ordered(parent, self.point_first, self.point_second)
         first, second = unit(self.axis_first), unit(self.axis_second)
         # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
@@ -216,23 +233,27 @@ class ScrewJoint(AbstractAxisJoint):
 
 
 Angles = tuple[Scalar, Scalar]
-"""Angle of the cross about the parent's arm, and of the child about its own arm, rad."""
+"""Angle of the cross about the arm fixed to the parent, and angle of the child about the other arm,
+rad."""
 
 
 class UniversalMotion(AbstractMotionAtPoints):
-    """Rotation by two angles (rad), about an arm of the parent and about an arm of the child.
+    """Rotation by two angles (rad) about the arms of a universal joint's cross.
 
-    The position consists of the two angles; the speeds are their rates, rad/s.
+    It is the motion that a `UniversalJoint` allows a child body relative to its parent body. The
+    cross rotates in the parent about one arm, and the child rotates about the other arm, which is
+    perpendicular to the first. The position consists of the two angles; the speeds are their rates,
+    rad/s.
 
     - `point_parent`, `point_child`: points of the joint, m in each body's axes.
-    - `arm_parent`, `arm_child`: arms of the cross, unit vectors in each body's axes.
+    - `arm_parent`, `arm_child`: arms of the cross, a unit vector fixed to each body, in its axes.
     """
 
     arm_parent: Vector
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation if both angles are zero."""
+        """Return the orientation of the child if both angles are zero, as Euler parameters."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
@@ -243,10 +264,10 @@ class UniversalMotion(AbstractMotionAtPoints):
         return EulerParameters(cosine(0.5 * angle), vector.x, vector.y, vector.z)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
-        """Return the parent's arm, a unit vector in the child's axes, and its derivative by the
-        second angle, 1/rad.
+        """Return the arm that is fixed to the parent, a unit vector in the child's axes, and its
+        derivative by `angle`, 1/rad.
 
-        `angle` is the second angle, rad, about the child's arm.
+        `angle` is the second angle of the position, rad, about the child's arm.
         """
         start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
         quarter = self.arm_child.cross(start)
@@ -254,7 +275,10 @@ class UniversalMotion(AbstractMotionAtPoints):
         return start * c - quarter * s, -(start * s + quarter * c)
 
     def encode(self, relative: Relative) -> JointState:
-        """Return both angles, rad in (-pi, pi] and (-2 pi, 2 pi], and their rates, rad/s."""
+        """Return both angles and their rates, rad/s, for a relative motion of the child.
+
+        The first angle is within (-pi, pi], rad, the second within (-2 pi, 2 pi].
+        """
         start, quarter = transverse_axes(self.arm_parent)
         arm = rotation_matrix(relative.orientation) @ self.arm_child
         first = polar_angle(arm.dot(quarter), arm.dot(start))
@@ -271,19 +295,20 @@ class UniversalMotion(AbstractMotionAtPoints):
         return self._about_child(reference).orientation(position[1])
 
     def columns(self, position: Angles) -> tuple[Twist, ...]:
-        """Return rotations at 1 rad/s about both arms, in the child's axes."""
+        """Return the rotations about the two arms at 1 rad/s, in the child's axes."""
         return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
 
     def bias(self, state: JointState) -> Twist:
         """Return the rate of the relative twist at constant speeds, in the child's axes.
 
-        It isn't zero, because the parent's arm rotates as seen from the child.
+        Its unit is rad/s^2 and m/s^2. It isn't zero, because the parent's arm rotates as seen from
+        the child.
         """
         _, change = self._parents_arm(state.position[1])
         return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
 
     def without_drift(self, position: Angles) -> Angles:
-        """Return the angles within (-2 pi, 2 pi]."""
+        """Return the angles within (-2 pi, 2 pi], without further revolutions."""
         return within_two_turns(position[0]), within_two_turns(position[1])
 
 

@@ -1,4 +1,8 @@
-"""Ideal joints: spherical (eq. 25), revolute (eq. 26), fixed, sliding, and a massless rod."""
+"""Ideal joints: spherical, revolute, fixed, inline, cylindrical, prismatic, and a massless rod.
+
+Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
+revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
+"""
 
 from typing import TypeVar
 
@@ -22,10 +26,16 @@ T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
-    """Base class of ideal joints between a point of one body and a point of another."""
+    """Base class of ideal joints between a point of one body and a point of another.
+
+    Its private methods return the constraint rows of which the joints are composed, by label.
+    """
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
-        """Return the values of the first and the second body, with the parent's value first."""
+        """Return two values, one of each body, in the order parent, child.
+
+        Motion subspaces need this order. `parent` is the name of one of the two bodies.
+        """
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
@@ -70,7 +80,11 @@ class AbstractAxisJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return the rows "tilt 1" and "tilt 2", cosines, which keep the two axes parallel."""
+        """Return the rows "tilt 1" and "tilt 2", which keep the two axes parallel.
+
+        Their values are the cosines of the angles between the first body's axis and two directions
+        across the second body's axis.
+        """
         axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {
             "tilt 1": self._perpendicular(motions, axis, first),
@@ -78,7 +92,10 @@ class AbstractAxisJoint(AbstractPairJoint):
         }
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the first's axis, rad in (-pi, pi], as a row."""
+        """Return the second body's angle about the first's axis, rad in (-pi, pi].
+
+        It is the value of a row, which also has the derivatives of the angle's rate.
+        """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
 
@@ -113,9 +130,9 @@ class SphericalJoint(AbstractPairJoint):
 class RevoluteJoint(AbstractAxisJoint):
     """Keeps two points together and two axes parallel: a hinge; five rows.
 
-    Eq. (26) of the paper is a cross product, whose three rows are linearly dependent. Instead, two
-    rows keep the first body's axis perpendicular to two directions across the second body's axis.
-    They are linearly independent in every orientation.
+    Eq. 26 of Flores et al. 2006 is the cross product of the two axes, whose three rows are linearly
+    dependent. Instead, two rows keep the first body's axis perpendicular to two directions across
+    the second body's axis. They are linearly independent in every orientation.
 
     **Arguments:**
 
@@ -129,7 +146,8 @@ class RevoluteJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and two tilts, which are dot products of unit vectors."""
+        """Return three components of the vector between the two points, m, and two tilts, which are
+        scalar products of unit vectors."""
         del t
         return self._coincidence(motions) | self._tilts(motions)
 
@@ -162,7 +180,8 @@ class FixedJoint(AbstractPairJoint):
     orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and three rotations, products of unit vectors."""
+        """Return three components of the vector between the two points, m, and three rotations,
+        which are scalar products of unit vectors."""
         del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
@@ -180,8 +199,8 @@ class FixedJoint(AbstractPairJoint):
 class InlineJoint(AbstractPairJoint):
     """Keeps a point of the second body on a line of the first; two rows.
 
-    If its axis is perpendicular to a planar mechanism, and other joints hold the bodies in the
-    plane, it is a pin without redundant constraints.
+    If its axis is perpendicular to the plane of a planar mechanism, and other joints hold the
+    bodies in the plane, it acts as a pin without redundant constraints.
 
     **Arguments:**
 
@@ -222,7 +241,8 @@ class CylindricalJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and two tilts, products of unit vectors."""
+        """Return two components of the second point's distance from the axis, m, and two tilts,
+        which are scalar products of unit vectors."""
         del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
@@ -252,7 +272,8 @@ class PrismaticJoint(AbstractPairJoint):
     orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return two translations across the axis, m, and three products of unit vectors."""
+        """Return two components of the second point's distance from the axis, m, and three scalar
+        products of unit vectors."""
         del t
         rotations = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | rotations
@@ -294,7 +315,8 @@ class DistanceJoint(AbstractPairJoint):
     length: Single = quantity("m", shape=(), positive=True, remedy="give the rod's length in m")
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "length": (d^2 - l^2)/(2 l), m, for the points' distance d."""
+        """Return the row "length": (d^2 - l^2)/(2 l), m, for the distance d of the points and the
+        length l of the rod."""
         del t
         apart = self._coincidence(motions).values()
         return {"length": distance_row(apart, self.length, motions)}

@@ -1,7 +1,8 @@
 """Motion subspaces: the relative motions that ideal joints allow, for joint coordinates.
 
-A motion subspace describes the motion of a *child* body relative to its *parent*: the joint's point
-on the child may slide away from the point on the parent, and the child may rotate about it.
+In joint coordinates the bodies form a tree, in which each joint connects a *child* body with its
+*parent*. A motion subspace describes the motion of the child relative to the parent: the joint's
+point on the child may slide away from the point on the parent, and the child may rotate about it.
 Displacements, velocities and spins have components in the child's axes, because the usual joints
 have constant directions of motion in these axes.
 """
@@ -40,7 +41,9 @@ from ...math.vectors import (
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Spin of the child, rad/s, and velocity of its joint's point, m/s, relative to the parent.
+    """Spin of a child body, rad/s, and velocity of the joint's point on it, m/s.
+
+    Both are relative to the parent, as vectors in the child's axes.
 
     >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
     >>> twist.angular.z
@@ -62,7 +65,7 @@ REST = Twist(ZERO, ZERO)
 
 @dataclass(frozen=True, slots=True)
 class Relative:
-    """Pose and twist of a child relative to its parent.
+    """Position and motion of a child body relative to its parent.
 
     - `orientation`: Euler parameters that transform components in the child's axes to the
       parent's.
@@ -126,7 +129,8 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """Return the relative twist for 1 rad/s or 1 m/s of each speed, in the child's axes."""
+        """Return the relative twist for each speed if it is 1 rad/s or 1 m/s and the others are
+        zero, in the child's axes."""
 
     def rates(self, state: JointState) -> PyTree:
         """Return the time derivative of the position, with the same structure as the position.
@@ -138,17 +142,18 @@ class AbstractMotionSubspace(eqx.Module):
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """Return the position after a small motion along the columns.
 
-        `changes` are in rad or m, one for each speed. The default adds each to a number of the
-        position.
+        Assembly and projection correct positions with it. `changes` are in rad or m, one for each
+        speed. The default adds each to one number of the position.
         """
         numbers, structure = jax.tree.flatten(position)
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return an equivalent position without accumulated revolutions of an angle or drift of a
-        norm.
+        """Return an equivalent position without whole revolutions of an angle, and with norms
+        corrected to 1.
 
-        It is called at the end of each step. The default returns the position unchanged.
+        It is called at the end of each step, so that numbers don't grow over a long run. The
+        default returns the position unchanged.
         """
         return position
 
@@ -177,14 +182,21 @@ class AbstractMotionSubspace(eqx.Module):
 
 
 class AbstractMotionAtPoints(AbstractMotionSubspace):
-    """Base class of motion subspaces whose points are fields."""
+    """Base class of motion subspaces with the joint's points on parent and child as fields.
+
+    The points are in m from the centre of mass, in each body's axes.
+    """
 
     point_parent: Vector
     point_child: Vector
 
 
 class Weld(AbstractMotionAtPoints):
-    """No relative motion; `reference` is the constant orientation."""
+    """The subspace of a fixed joint, without relative motion.
+
+    `reference` is the constant orientation: Euler parameters that transform components in the
+    child's axes to the parent's.
+    """
 
     reference: EulerParameters
 
@@ -205,10 +217,10 @@ class Weld(AbstractMotionAtPoints):
 
 
 class AbstractTurning(AbstractMotionAtPoints):
-    """Rotation by an angle about `axis`, a unit vector in the child's axes.
+    """Base class of rotations by an angle about `axis`, a unit vector in the child's axes.
 
-    `reference` is the orientation at angle zero, which `aligning` computes from the axis in both
-    bodies.
+    `reference` is the orientation at angle zero, as Euler parameters that transform components in
+    the child's axes to the parent's. `aligning` computes it from the axis in both bodies.
     """
 
     axis: Vector
@@ -225,7 +237,10 @@ class AbstractTurning(AbstractMotionAtPoints):
         return 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
 
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return the rotation by the angle `position`, rad, followed by `reference`."""
+        """Return Euler parameters that transform components in the child's axes to the parent's.
+
+        They are those of the rotation by the angle `position`, rad, followed by `reference`.
+        """
         vector = self.axis * sine_of(0.5 * position)
         rotation = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
         return composed(self.reference, rotation)
@@ -234,8 +249,8 @@ class AbstractTurning(AbstractMotionAtPoints):
         """Return the matrix that transforms the child's components to the parent's.
 
         It is R (b b^T + cos(angle) (1 - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
-        the axis b, and the matrix ~b of the cross product with b. This form has two products per
-        entry, and none for the entries that are exactly 0 or 1.
+        the axis b, and the matrix ~b of the cross product with b. For an axis along x, y or z, the
+        components of which are exactly 0 or 1 and compiled as such, this form has few products.
         """
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
@@ -251,7 +266,7 @@ class Hinge(AbstractTurning):
     """Rotation by an angle (rad) about an axis; its position is the angle."""
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle, rad, and its rate, rad/s."""
+        """Return the angle, rad, and its rate, rad/s, for a relative motion of the child."""
         return JointState(self.angle(relative), (relative.twist.angular.dot(self.axis),))
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
@@ -260,7 +275,7 @@ class Hinge(AbstractTurning):
         return (Twist(self.axis, ZERO),)
 
     def without_drift(self, position: Scalar) -> Scalar:
-        """Return the angle within (-2 pi, 2 pi]."""
+        """Return the angle within (-2 pi, 2 pi], without further revolutions."""
         return within_two_turns(position)
 
 
@@ -292,25 +307,29 @@ class Ball(AbstractMotionAtPoints):
     def after_displacement(
         self, position: EulerParameters, changes: tuple[Scalar, ...]
     ) -> EulerParameters:
-        """Return the Euler parameters after a small rotation (rad, child's axes)."""
+        """Return the Euler parameters after a small rotation.
+
+        `changes` are the components of the rotation vector in the child's axes, rad.
+        """
         return turned(position, Vector(*changes))
 
     def without_drift(self, position: EulerParameters) -> EulerParameters:
-        """Return the Euler parameters normalised to one."""
+        """Return the Euler parameters with their norm corrected to 1 if it has drifted."""
         return kept_unit(position)
 
 
 class Slider(AbstractMotionAtPoints):
     """Translation by a distance (m) along `axis`, a unit vector in the child's axes.
 
-    `reference` is the constant orientation.
+    The position is the distance, and its rate the only speed, m/s. `reference` is the constant
+    orientation, as Euler parameters that transform components in the child's axes to the parent's.
     """
 
     axis: Vector
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the distance along the axis in m and its rate in m/s."""
+        """Return the distance along the axis, m, and its rate, m/s, for a motion of the child."""
         distance = relative.displacement.dot(self.axis)
         return JointState(distance, (relative.twist.linear.dot(self.axis),))
 

@@ -19,7 +19,7 @@ from .motion_subspaces import (
 
 
 class PointInPlaneJoint(AbstractPairJoint):
-    """Keeps a point of the second body in a plane of the first; one row.
+    """Keeps a point of the second body in a plane of the first; one constraint row.
 
     It models a pin in a slot without clearance, with walls parallel to the plane.
 
@@ -49,7 +49,7 @@ class PointInPlaneJoint(AbstractPairJoint):
 
 
 class LineInPlaneJoint(AbstractPairJoint):
-    """Keeps a line of the second body in a plane of the first; two rows.
+    """Keeps a line of the second body in a plane of the first; two constraint rows.
 
     It models a slider between two walls without clearance, which slides freely along them.
 
@@ -71,7 +71,8 @@ class LineInPlaneJoint(AbstractPairJoint):
     axis: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the height of the point above the plane, m, and the sine of the line's tilt."""
+        """Return the "height" of the point above the plane, m, and "tilt", the sine of the angle
+        between the line and the plane."""
         del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return self._height(motions, self.normal) | {"tilt": tilt}
@@ -89,13 +90,17 @@ and the angle about the normal, rad."""
 class PlanarMotion(AbstractMotionAtPoints):
     """Translation by two distances (m) in a plane of the parent, and rotation by an angle (rad).
 
+    It is the motion that a `PlanarJoint` allows a child body relative to its parent body. The
+    position consists of the two distances and the angle; the speeds are their rates.
+
     - `point_parent`, `point_child`: points of the joint, m in each body's axes.
     - `normal_parent`, `normal_child`: the plane's normal, a unit vector in each body's axes.
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
 
-    The distances are along the two transverse axes of `normal_parent`. Along the child's axes the
-    columns would be constant, but the distances would oscillate as the child rotates.
+    The distances are along the two transverse axes of `normal_parent`, which are fixed to the
+    parent. Along axes of the child, the directions of motion would be constant, but the distances
+    would oscillate as the child rotates.
     """
 
     normal_parent: Vector
@@ -103,7 +108,11 @@ class PlanarMotion(AbstractMotionAtPoints):
     reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
-        """Return the two distances, m, the angle, rad within (-2 pi, 2 pi], and their rates."""
+        """Return the joint coordinates of a relative motion of the child.
+
+        The position consists of the two distances, m, and the angle, rad within (-2 pi, 2 pi], and
+        the speeds are their rates.
+        """
         hinge = self._hinge().encode(relative)
         rotation = self.rotation((0.0, 0.0, hinge.position))
         apart, spin = relative.displacement, relative.twist.angular
@@ -120,11 +129,14 @@ class PlanarMotion(AbstractMotionAtPoints):
         return self._hinge().orientation(position[2])
 
     def rotation(self, position: Position) -> Matrix:
-        """Return the rotation matrix, which costs less than from Euler parameters."""
+        """Return the matrix that transforms the child's components to the parent's.
+
+        The angle gives it with less arithmetic than the Euler parameters do.
+        """
         return self._hinge().rotation(position[2])
 
     def displacement(self, position: Position) -> Vector:
-        """Return the vector from the parent's point to the child's, child's axes, m."""
+        """Return the vector from the parent's point to the child's, m in the child's axes."""
         return self._in_child(position[:2], position)
 
     def columns(self, position: Position) -> tuple[Twist, ...]:
@@ -139,7 +151,8 @@ class PlanarMotion(AbstractMotionAtPoints):
     def bias(self, state: JointState) -> Twist:
         """Return the rate of the relative twist at constant speeds, in the child's axes.
 
-        It isn't zero, because the parent's axes rotate as seen from the child.
+        Its unit is rad/s^2 and m/s^2. It isn't zero, because the parent's axes rotate as seen from
+        the child.
         """
         first, second, speed = state.speeds
         spin = self.normal_child * speed
@@ -148,21 +161,22 @@ class PlanarMotion(AbstractMotionAtPoints):
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
     def without_drift(self, position: Position) -> Position:
-        """Return the position with the angle within (-2 pi, 2 pi]."""
+        """Return the position with the angle within (-2 pi, 2 pi], without further revolutions."""
         return position[0], position[1], self._hinge().without_drift(position[2])
 
     def _hinge(self) -> Hinge:
         return Hinge(self.point_parent, self.point_child, self.normal_child, self.reference)
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector in the child's axes from components along the transverse axes."""
+        """Return a vector in the child's axes from its two components along the transverse axes of
+        the parent's normal."""
         first, second = transverse_axes(self.normal_parent)
         vector = first * across[0] + second * across[1]
         return self.rotation(position).transposed_times(vector)
 
 
 class PlanarJoint(AbstractAxisJoint):
-    """Allows sliding in a plane and rotation about its normal, as a plate on a table; three rows.
+    """Allows sliding in a plane and rotation about its normal, like a plate on a table; three rows.
 
     **Arguments:**
 

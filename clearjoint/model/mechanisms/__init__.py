@@ -1,1 +1,1 @@
-"""Functions that return mechanisms from the literature, each with its initial state."""
+"""Functions that return example mechanisms, many from the literature, with their initial states."""

@@ -1,4 +1,9 @@
-"""Linkages of the IFToMM multibody benchmarks."""
+"""Linkages of the Library of Computational Benchmark Problems of IFToMM, for multibody dynamics.
+
+Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, A benchmarking system for MBS simulation
+software: problem standardization and performance measurement, Multibody System Dynamics 16, 2006;
+further sources are given below.
+"""
 
 import math
 from typing import NamedTuple
@@ -14,10 +19,11 @@ from ..scene import Scene
 from .common import Z_AXIS, turned_about_z
 
 Point = tuple[float, float]
+"""Coordinates in the plane of motion, m."""
 
 
 class _Link(NamedTuple):
-    """A body that is hinged to a parent body, in the plane of motion.
+    """A body of Andrews' mechanism, which is hinged to a parent body.
 
     - `mass`: kg.
     - `inertia`: moment of inertia about Z through the centre of mass, kg m^2.
@@ -38,9 +44,9 @@ class _Link(NamedTuple):
 BETA, GAMMA = -0.0617138900142764496, 0.455279819163070380
 PHI, DELTA = 0.222668390165885885, 0.487364979543842550
 OMEGA, EPSILON = -0.222668390165885885, 1.23054744454982119
-"""Initial angles of the test set, rad, which close the loops."""
+"""Initial angles of Andrews' mechanism, rad, which close its loops."""
 PIVOT_A, PIVOT_B, HOOK = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
-"""Points of the ground: two pivots, and the spring's upper end, m."""
+"""Points of the ground of Andrews' mechanism: two pivots, and the spring's upper end, m."""
 LINKS = {
     "K1": _Link(0.04325, 2.194e-6, BETA, GROUND, (0.0, 0.0), (-0.00092, 0.0)),
     "K2": _Link(0.00365, 4.410e-7, BETA, "K1", (0.007 - 0.00092, 0.0), (0.0115, 0.0)),
@@ -54,14 +60,18 @@ LINKS = {
         0.00706, 5.667e-7, OMEGA + EPSILON, "K7", (0.00449, 0.01228 - 0.04), (0.01421 - 0.02, 0.0)
     ),
 }
-"""Bodies by name, in an order in which each follows its parent."""
+"""Bodies of Andrews' mechanism by name, in an order in which each follows its parent.
+
+Distances along a body from a hinge are written as in the source; their differences are coordinates
+relative to the centre of mass.
+"""
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
 """The point P at which K2, K3, K4 and K6 meet, (2,) m in the axes of each body."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
 """End of the spring on K3, (2,) m in the axes of K3."""
 TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
-"""Motor torque, N m, spring stiffness, N/m, and free length, m."""
+"""Motor torque, N m, spring stiffness, N/m, and free length of the spring, m."""
 
 
 def andrews_squeezer() -> tuple[Scene, State]:
@@ -86,8 +96,10 @@ def andrews_squeezer() -> tuple[Scene, State]:
     centres: dict[str, np.ndarray] = {GROUND: np.zeros(2)}
     for name, link in LINKS.items():
         parent_angle = LINKS[link.parent].angle if link.parent in LINKS else 0.0
+        # The parent's hinge is known; the body's centre follows from its own hinge and angle.
         hinge = centres[link.parent] + _turned(link.hinge_of_parent, parent_angle)
         centres[name] = hinge - _turned(link.hinge, link.angle)
+        # Only the moment about Z matters. The others are those of a flat body, each half of it.
         bodies[name] = Body(link.mass, np.array([0.5, 0.5, 1.0]) * link.inertia)
         states[name] = body_state((*centres[name], 0.0), turned_about_z(link.angle))
         joints[f"{link.parent}-{name}"] = RevoluteJoint(
@@ -108,11 +120,14 @@ def _turned(point: Point, angle: float) -> np.ndarray:
 
 
 def bricard() -> tuple[Scene, State]:
-    """Return Bricard's mechanism, the IFToMM benchmark A04: five rods of 1 m, 1 kg in a loop.
+    """Return Bricard's mechanism, the IFToMM benchmark A04, and its initial state.
 
-    Six revolute joints, each perpendicular to the next, impose 30 constraints on 30 velocities. One
-    constraint is redundant, which leaves one degree of freedom. The mechanism starts at rest;
-    gravity is 9.81 m/s^2 along -Y.
+    Five rods form a loop with the ground as sixth link. Each is a homogeneous square bar of 1 kg,
+    1 m long and 0.1 m wide. Six revolute joints, each perpendicular to the next, impose 30
+    constraints on 30 velocities. One constraint is redundant, which leaves one degree of freedom.
+    The mechanism starts at rest along the edges of a cube; gravity is 9.81 m/s^2 along -Y.
+
+    Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
 
     >>> scene, state = cj.mechanisms.bricard()
     >>> list(scene.joints)
@@ -121,11 +136,14 @@ def bricard() -> tuple[Scene, State]:
     corners = ((0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1))
     axes = ((0, 1, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 0))
     corners = [np.array(corner, dtype=float) for corner in corners]
+    # Moments of a bar of the mass m, length l and width w: m (l^2 + w^2)/12 across its axis and
+    # m (w^2 + w^2)/12 along it, kg m^2.
     across, along = 1.01 / 12, 0.02 / 12
     names = [GROUND, *(f"rod {k}" for k in range(1, 6)), GROUND]
     centres: dict[str, np.ndarray] = {GROUND: np.zeros(3)}
     bodies, states, joints = {}, {}, {}
-    # All body frames are parallel to the global frame, so that each rod's axis is a global axis.
+    # All body frames start parallel to the global frame, in which each rod lies along one axis. The
+    # sixth edge of the loop, from the last corner to the first, is the ground.
     for k in range(5):
         direction = corners[k + 1] - corners[k]
         name, centre = names[k + 1], 0.5 * (corners[k] + corners[k + 1])
@@ -140,18 +158,22 @@ def bricard() -> tuple[Scene, State]:
 
 
 def double_four_bar() -> tuple[Scene, State]:
-    """Return two four-bar linkages in a row, the IFToMM benchmark A02: five rods of 1 m, 1 kg.
+    """Return two four-bar linkages in a row, the IFToMM benchmark A02, and their initial state.
 
-    Rods 1, 3 and 5 are hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2
-    along -Y, and the tips start at 1 m/s along +X. In this planar mechanism of seven spatial
-    revolute joints 6 of 35 constraints are redundant; it passes singular positions where the rods
-    are in one line.
+    Five slender rods of 1 m and 1 kg move in the XY plane. Rods 1, 3 and 5 start upright and are
+    hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2 along -Y, and the
+    tips start at 1 m/s along +X. The mechanism is planar, but its seven revolute joints are
+    spatial, so that 6 of their 35 constraints are redundant. It passes singular positions where the
+    rods are in one line.
+
+    Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
 
     >>> scene, state = cj.mechanisms.double_four_bar()
     >>> list(scene.joints)
     ['foot 1', 'foot 2', 'foot 3', 'left 1', 'right 1', 'left 2', 'right 2']
     """
     names = [f"rod {k}" for k in range(1, 6)]
+    # The moment about the rod's own axis has no effect on the planar motion.
     bodies = {name: Body(1.0, (1e-3, 1.0 / 12, 1.0 / 12)) for name in names}
     joints, states = {}, {}
     upright = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
@@ -160,6 +182,7 @@ def double_four_bar() -> tuple[Scene, State]:
     def hinge(name: str, first: str, second: str, a: TripleLike, b: TripleLike) -> None:
         joints[name] = RevoluteJoint(first, second, a, b, axis, axis)
 
+    # Upright rods, whose centres move at half the speed of their tips, 1 rad/s clockwise.
     for k in (0, 1, 2):
         post = names[2 * k]
         states[post] = body_state((k, 0.5, 0.0), upright, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0))

@@ -1,4 +1,8 @@
-"""Shared parts of the mechanisms: axes, the steel of the paper, and motors."""
+"""Shared parts of the mechanisms: axes, a steel, and motors.
+
+The steel is that of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute
+joints with clearances for dynamic analysis of multi-body systems, 2006.
+"""
 
 import math
 
@@ -10,18 +14,20 @@ from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForc
 ORIGIN = (0.0, 0.0, 0.0)
 X_AXIS, Y_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 STEEL = RavnStiffness(207e9, 0.3)
-"""Ravn's stiffness for the paper's steel (Table 2).
+"""Ravn's stiffness for the steel of Flores et al. 2006, Table 2: 207 GPa, Poisson's ratio 0.3.
 
 >>> law = cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL)
 """
 Joints = dict[str, AbstractConstraint | AbstractContactJoint]
+"""Joints of a scene by name."""
 Motor = AbstractConstraint | AbstractForce
+"""Element that drives a mechanism: a driver that prescribes the motion, or a torque."""
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
-    """Return the law of Lankarani and Nikravesh for the paper's steel.
+    """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006.
 
-    `restitution` is the requested restitution, 0 to 1.
+    `restitution` is the requested ratio of rebound speed to entry speed, 0 to 1.
     """
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 
@@ -32,9 +38,10 @@ def turned_about_z(angle: float) -> tuple[float, float, float, float]:
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
-    """Return the joints and the forces of a mechanism with the element "motor", each by name.
+    """Return the joints and the forces of a mechanism, by name, including its motor.
 
-    A motor that is a force becomes the only force; a driver is added to the joints.
+    The motor gets the name "motor". One that is a force becomes the only force; a driver is added
+    to the joints.
     """
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}

@@ -1,4 +1,4 @@
-"""The double pendulum of the paper."""
+"""The double pendulum of P. Flores et al. 2006, whose first joint has clearance."""
 
 from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
@@ -22,25 +22,31 @@ def double_pendulum(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
-    """Return the paper's double pendulum (section 6, Tables 1 and 2) and its state at rest.
+    """Return the double pendulum of Flores et al. 2006 and its state at rest.
 
     A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
-    about X connects arm 3 to arm 2. X is the only axis that reproduces the paper's statements.
-    Gravity acts along +Y. Both arms start at rest in the XZ plane with a centred journal.
+    about X connects arm 3 to arm 2. The paper doesn't name the second axis; X is the only one that
+    reproduces its statements. Gravity is 9.81 m/s^2 along +Y. Both arms start at rest in the XZ
+    plane with a centred journal. They are 1 m long.
+
+    Source: P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute joints with
+    clearances for dynamic analysis of multi-body systems, 2006, section 6, Tables 1 and 2.
 
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint.
-    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
-    - `axial`: an `AbstractAxialPolicy`; `FreeAxially()` by default.
+    - `axial`: whether the journal can slide along its axis: an `AbstractAxialPolicy`, by default
+      `FreeAxially()`.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """
+    # Masses, kg, and moments, kg m^2, of Table 1. Each arm lies along its axis of least moment.
     bodies = {
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),

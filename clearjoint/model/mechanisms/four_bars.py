@@ -22,16 +22,17 @@ from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_ab
 
 RODS = ("crank", "coupler", "rocker")
 LENGTHS = (0.1, 0.3, 0.25, 0.3)
-"""Lengths of crank, coupler and rocker, and the distance of the ground joints, m."""
+"""Default lengths of crank, coupler and rocker of `four_bar`, and of the ground between its joints,
+m."""
 MASSES = (0.2, 0.4, 0.35)
-"""Masses of crank, coupler and rocker, kg."""
+"""Default masses of crank, coupler and rocker of `four_bar`, kg."""
 PINS = {
     "crank foot": (GROUND, "crank"),
     "crank pin": ("crank", "coupler"),
     "rocker pin": ("coupler", "rocker"),
     "rocker foot": (GROUND, "rocker"),
 }
-"""Bodies of the bearing and the journal of each pin."""
+"""Pins of `four_bar` by name, each with the bodies of its bearing and its journal."""
 
 
 def four_bar(
@@ -53,9 +54,9 @@ def four_bar(
 
     A "crank" rotates about Z in the origin, a "rocker" about Z on the X axis, and a "coupler" joins
     their ends. The rods are slender; their moments about their own axes are 1e-5 kg m^2 and don't
-    affect the planar motion. The pins are "crank foot", "crank pin", "rocker pin" and "rocker
-    foot". Pins without clearance are `RevoluteJoint`s; if no pin has clearance, the "rocker pin" is
-    an `InlineJoint`, so that no constraint is redundant.
+    affect the planar motion. Default lengths and masses are an example. The pins are "crank foot",
+    "crank pin", "rocker pin" and "rocker foot". Pins without clearance are `RevoluteJoint`s; if no
+    pin has clearance, the "rocker pin" is an `InlineJoint`, so that no constraint is redundant.
 
     ```python
     import clearjoint as cj
@@ -65,13 +66,13 @@ def four_bar(
 
     **Arguments:**
 
-    - `clearance`: radial, m, by the pin's name.
-    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
     - `lengths`: of crank, coupler and rocker, and the distance of the ground joints, m.
     - `masses`: of crank, coupler and rocker, kg.
     - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
-      is above the line from the crank pin to the rocker foot. The state is that of the ideal
-      mechanism, with centred journals.
+      is to the left of the line from the crank pin to the rocker foot, in the direction of that
+      line. The state is that of the ideal mechanism, with centred journals.
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
@@ -95,6 +96,8 @@ def four_bar(
         if pin in clearance:
             at = {"bearing_point": ends[0], "journal_point": ends[1]}
             joints[pin] = ClearanceJoint(*pair, **at, **options, clearance=clearance[pin])
+        # Four ideal pins with five rows each would close the loop with three redundant constraints.
+        # An inline joint, which only holds the point in the plane, has three rows fewer.
         elif pin == "rocker pin" and not clearance:
             joints[pin] = InlineJoint(*pair, *ends, Z_AXIS)
         else:
@@ -138,7 +141,8 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     pin = _intersection(tip, foot, coupler, rocker)
     along, arm = pin - tip, pin - foot
     tip_velocity = speed * _perpendicular(tip)
-    # Coupler and rocker have the same velocity at their common pin.
+    # Coupler and rocker have the same velocity at their common pin, which gives two equations for
+    # their angular velocities.
     directions = np.stack([_perpendicular(along), -_perpendicular(arm)], axis=1)
     coupler_speed, rocker_speed = np.linalg.solve(directions, -tip_velocity)
     return State(
@@ -158,9 +162,12 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
-    """Return the pin of coupler and rocker: the upper intersection of two circles, (2,) m.
+    """Return the position of the pin of coupler and rocker, (2,) m: an intersection of two circles.
 
-    **Arguments:** `tip`, `foot`: centres of the circles, (2,) m. `coupler`, `rocker`: radii, m.
+    Of two intersections it is that to the left of the line from `tip` to `foot`.
+
+    **Arguments:** `tip`, `foot`: centres of the circles, the end of the crank and the ground joint
+    of the rocker, (2,) m. `coupler`, `rocker`: radii, the lengths of the rods, m.
 
     **Raises:** `ValueError` if the circles don't intersect.
     """
@@ -180,19 +187,19 @@ def _perpendicular(vector: np.ndarray) -> np.ndarray:
 
 
 def _moving(along: np.ndarray, centre: np.ndarray, speed: float, velocity: np.ndarray) -> BodyState:
-    """Return the state of a rod in the plane.
+    """Return the state of a rod that moves in the XY plane.
 
-    **Arguments:** `along`: vector along the rod, (2,). `centre`: of mass, (2,) m. `speed`: angular
-    velocity about Z, rad/s. `velocity`: of the centre of mass, (2,) m/s.
+    **Arguments:** `along`: vector along the rod, (2,), any length. `centre`: of mass, (2,) m.
+    `speed`: angular velocity about Z, rad/s. `velocity`: of the centre of mass, (2,) m/s.
     """
     orientation = turned_about_z(math.atan2(along[1], along[0]))
     return body_state((*centre, 0.0), orientation, (*velocity, 0.0), (0.0, 0.0, speed))
 
 
 CRANK, COUPLER, ROCKER = 0.02, 0.122, 0.074
-"""Lengths of crank, coupler and rocker, m."""
+"""Lengths of crank, coupler and rocker of `spatial_four_bar`, m."""
 BAR_RADIUS = 10e-3
-"""Radius of the round bars that define the moments of inertia, m."""
+"""Radius of the round bars that define the moments of inertia of `spatial_four_bar`, m."""
 
 
 def spatial_four_bar(
@@ -203,7 +210,7 @@ def spatial_four_bar(
     law: AbstractContactLaw | None = None,
     friction: AbstractFriction | AbstractBristleFriction | None = None,
 ) -> tuple[Scene, State]:
-    """Return a spatial four-bar (RSSR) with clearance between coupler and rocker, and its state.
+    """Return a spatial four-bar linkage with clearance between coupler and rocker, and its state.
 
     A crank of 20 mm and 0.1960 kg rotates about X in the origin, a rocker of 74 mm and 0.3157 kg
     about Z in (122, -54, 0) mm. A coupler of 122 mm and 1.4158 kg connects their ends by ball
@@ -219,10 +226,10 @@ def spatial_four_bar(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `restitution`: requested of the default law, Lankarani-Nikravesh.
-    - `speed`: of the crank at the start, rad/s, in the ideal mechanism's motion.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
     - `law`: replaces the default law.
-    - `friction`: of the ball.
+    - `friction`: of the ball; none by default.
 
     >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
@@ -272,10 +279,12 @@ def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
 
 
 def _start(speed: Scalar) -> State:
-    """Return the initial state.
+    """Return the initial state for a speed of the crank, rad/s.
 
-    The crank's end moves along Z. The coupler rotates about the rocker's end, which is at rest.
+    The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's end,
+    which is at rest.
     """
+    # Velocity of the crank's end, and spin of the coupler, for a speed of 1 rad/s.
     upward = np.array([0.0, 0.0, CRANK])
     return State(
         {

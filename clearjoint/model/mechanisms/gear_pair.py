@@ -16,8 +16,8 @@ DENSITY = 7850.0
 FACE_WIDTH = 20e-3
 """Width of the gears, m."""
 MESH_STIFFNESS = 1.8e11
-"""Stiffness of the mesh, N/m^1.5: at a depth of 5 um its slope is 20 N/(mm um), the mean of ISO
-6336-1 for steel, times the face width."""
+"""Stiffness K of the mesh, N/m^1.5. At a depth of 5 um the force K depth^1.5 is 2 kN, that of the
+mean stiffness 20 N/(mm um) of ISO 6336-1 for steel on the width of the gears."""
 
 
 def gear_pair(
@@ -32,19 +32,19 @@ def gear_pair(
     """Return two spur gears with backlash on ideal bearings, and their initial state.
 
     The "pinion" rotates about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0) for the module
-    m; the pressure angle is 20 degrees. Both are solid steel discs, 7850 kg/m^3, with the diameter
-    of their pitch circles and 20 mm width. There is no drive: add one to the scene's forces, such
-    as a `DriveTorque`.
+    m and the numbers of teeth z1 and z2; the pressure angle is 20 degrees. Both are solid steel
+    discs, 7850 kg/m^3, with the diameter of their pitch circles and 20 mm width. There is no drive:
+    add one to the scene's forces, such as a `DriveTorque`.
 
     The default law has the stiffness 1.8e11 N/m^1.5, whose deflection at 2 kN is that of ISO 6336's
-    mean stiffness of 20 N/(mm um), and delivers the restitution. If the gears cross the backlash j
-    at a rate v along the line of action, they return at the restitution times v, after the time j
-    cos(20 degrees)/v.
+    mean stiffness of 20 N/(mm um), and free impacts have exactly the given restitution. If the
+    teeth cross the backlash j at a speed v along the line of action, which takes the time j cos(20
+    degrees)/v, they rebound at the restitution times v.
 
     **Arguments:**
 
     - `backlash`: along the pitch circle, m.
-    - `restitution`: of the default law, 0 to 1.
+    - `restitution`: of the default law, above 0 and at most 1.
     - `teeth`: numbers of teeth of the pinion and the wheel.
     - `module`: m.
     - `speeds`: of the pinion and the wheel about Z at the start, rad/s.
@@ -56,6 +56,7 @@ def gear_pair(
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
     """
+    # Radii of the pitch circles.
     first, second = (0.5 * module * number for number in teeth)
     if law is None:
         law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS)

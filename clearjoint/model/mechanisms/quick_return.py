@@ -18,12 +18,12 @@ from ..scene import Scene
 from .common import ORIGIN, Y_AXIS, Z_AXIS, turned_about_z
 
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
-"""Crank radius, height of the crank's axis above the lever's, and length of the lever, m."""
+"""Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
 SLOT = 0.13
-"""Travel of the pin between the slot's ends, m, centred at the crank's axis; the stroke needs
-0.1."""
+"""Length that the slot leaves for the pin's centre, m, with its middle at the crank's axis. The pin
+needs 0.1 m of it, twice the radius of the crank."""
 LINE_STIFFNESS = 1e9
-"""Stiffness of the pin on 10 mm of a flat steel wall, N/m: (pi/4) E* L."""
+"""Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L."""
 
 
 def quick_return(
@@ -42,7 +42,7 @@ def quick_return(
     radius r and angle a and the distance d of the axes. It oscillates by 30 degrees to either side:
     one stroke takes 240 degrees of the crank, the return stroke 120 degrees, half the time. The
     crank has 0.1 kg and the lever 0.5 kg; both are slender bars with their centres of mass at half
-    length. There is no gravity.
+    length. There is no gravity. Sizes and masses are an example.
 
     **Arguments:**
 
@@ -52,7 +52,7 @@ def quick_return(
       vertical. The state is that of the ideal mechanism, with a centred pin.
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
       of 0.8, by default.
-    - `friction`: of pin and walls.
+    - `friction`: of pin and walls; none by default.
 
     >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
@@ -82,6 +82,7 @@ def quick_return(
         "motor": PrescribedRotation(GROUND, "crank", Z_AXIS, speed, 0.5 * math.pi + angle),
         "slot": slot,
     }
+    # Slender bars. The moments about their own axes have no effect on the planar motion.
     bodies = {
         "crank": Body(0.1, (2e-6, *(0.1 * CRANK**2 / 12.0,) * 2)),
         "lever": Body(0.5, (2e-5, *(0.5 * LEVER**2 / 12.0,) * 2)),
@@ -99,10 +100,14 @@ def _start(speed: Scalar, angle: float) -> State:
 
     Angles are counter-clockwise from the vertical.
     """
+    # The lever points from its axis to the pin. Its speed over that of the crank is the derivative
+    # of its angle, atan(across/height), by the crank's angle.
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)
 
+    # Unit vector at an angle from the vertical, and velocity of the middle of a rod whose other end
+    # is at rest, for its length, angle and angular velocity.
     def along(angle: float) -> np.ndarray:
         return np.array([-math.sin(angle), math.cos(angle), 0.0])
 

@@ -21,16 +21,20 @@ from ..scene import Scene
 from .common import ORIGIN, Z_AXIS
 
 Components: TypeAlias = Float[np.ndarray, "3"]
+"""The components of a vector, (3,)."""
 
 
 @dataclass(frozen=True)
 class ArmLink:
-    """A link: its standard Denavit-Hartenberg parameters and its mass.
+    """A link: its standard Denavit-Hartenberg parameters, its mass and its inertia.
+
+    The frame of the link is that of Denavit and Hartenberg.
 
     - `offset` d and `length` a: m. `twist` alpha: rad.
     - `mass`: kg.
     - `centre`: of mass, (3,) m in the link's frame.
-    - `inertia`: principal moments about the centre of mass, (3,) kg m^2.
+    - `inertia`: moments about axes parallel to the frame's, through the centre of mass, (3,)
+      kg m^2; these axes are principal.
     """
 
     offset: float
@@ -41,7 +45,10 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """Return the orientation of the link's frame in the parent's at angle zero."""
+        """Return the orientation of the link's frame relative to its parent's at angle zero.
+
+        The Euler parameters transform components in the link's frame to the parent's.
+        """
         return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
 
     def axis(self) -> Components:
@@ -66,7 +73,9 @@ WRIST = (
     ArmLink(0.0, 0.0, -QUARTER, 0.34, (0.0, 0.0, 0.0), (0.3e-3, 0.4e-3, 0.3e-3)),
     ArmLink(0.0, 0.0, 0.0, 0.09, (0.0, 0.0, 0.032), (0.15e-3, 0.15e-3, 0.04e-3)),
 )
-"""P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for
+"""Links of the arm, and of the wrist that is fixed to its end.
+
+Source: P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for
 the PUMA 560 robot, IEEE ICRA 1994, in the form of P. Corke, Robotics, Vision and Control.
 Exceptions: the first link's mass and its moments about the other axes, which have no effect; and
 the third link's last moment, 0.02 instead of 0.0125, which would violate the triangle
@@ -77,14 +86,17 @@ WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A link's frame: its origin (3,) m, and the orientation of its axes as Euler parameters."""
+    """A link's frame: its origin, (3,) m, and the orientation of its axes as Euler parameters.
+
+    Both are relative to the frame from which the chain of links starts, usually the ground.
+    """
 
     origin: Components
     orientation: EulerParameters
 
     @property
     def axes(self) -> Float[np.ndarray, "3 3"]:
-        """Unit vectors along the axes as columns, (3, 3), in global components."""
+        """Unit vectors along the axes as columns, (3, 3), in the frame where the chain starts."""
         return np.asarray(pack(rotation_matrix(self.orientation)))
 
     def turned(self, angle: float) -> EulerParameters:
@@ -108,9 +120,10 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """Return the base frame, and the frames of the links of a chain from the base.
+    """Return the frames of a chain of links, after the base frame from which the chain starts.
 
-    **Arguments:** `angles`: of each link relative to the one before, rad.
+    **Arguments:** `links`: from the base to the end; `angles`: of each link relative to the one
+    before, rad.
     """
     frames = [BASE]
     for link, angle in zip(links, angles, strict=True):
@@ -122,7 +135,8 @@ def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]
 class Lump:
     """Mass, kg, centre of mass, (3,) m, and inertia about the centre of mass, (3, 3) kg m^2.
 
-    All components are in the frame of one link.
+    They belong to one part or to several that are fixed to each other; all components are in the
+    frame of one link.
     """
 
     mass: float
@@ -137,6 +151,7 @@ def lumps() -> list[Lump]:
     for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
         centre = frame.origin + frame.axes @ np.array(link.centre)
         inertia = frame.axes @ np.diag(link.inertia) @ frame.axes.T
+        # The chain of the wrist starts in the frame of the third link, to which all is referred.
         parts.append(Lump(link.mass, centre, inertia))
     return [*single[:2], _combined(parts)]
 
@@ -152,12 +167,19 @@ def _combined(parts: Sequence[Lump]) -> Lump:
 
 
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
-    """Return states of links and flanges by name, for three angles, rad, and speeds, rad/s."""
+    """Return the states of links and flanges by name.
+
+    Each flange moves with its link, as if the joints had no backlash.
+
+    **Arguments:** `angles`, `speeds`: of the three joints, rad and rad/s.
+    """
+    # From the base outwards: global spin, and velocity of the present frame's origin.
     arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
     states = {}
     for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):
         parent, frame = arm_frames[k], arm_frames[k + 1]
         spin = spin + speed * parent.axes[:, 2]
+        # The flange only rotates about the parent's z axis; the link's frame is also tilted.
         flange = LinkFrame(parent.origin, parent.turned(angles[k]))
         states[FLANGES[k]] = _state(flange, np.zeros(3), velocity, spin)
         velocity = velocity + np.cross(spin, frame.origin - parent.origin)
@@ -168,9 +190,11 @@ def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, Bo
 def _state(
     frame: LinkFrame, centre: Components, velocity: Components, spin: Components
 ) -> BodyState:
-    """Return the state of a body from its frame and the centre of mass, (3,) m, in that frame.
+    """Return the state of a body from the motion of a frame that is fixed to it.
 
-    `velocity`, (3,) m/s of the frame's origin, and `spin`, (3,) rad/s, are global.
+    **Arguments:** `frame`: the frame, relative to the ground; `centre`: the body's centre of mass,
+    (3,) m in this frame; `velocity`: of the frame's origin, (3,) m/s in global axes; `spin`: (3,)
+    rad/s in global axes.
     """
     arm = frame.axes @ centre
     orientation, spin_in_frame = np.asarray(pack(frame.orientation)), frame.axes.T @ spin
@@ -182,17 +206,21 @@ def _state(
 NOMINAL = (0.0, 0.5 * QUARTER, 2.0 * QUARTER)
 """Joint angles of the nominal pose, rad."""
 FLANK_RADIUS = 0.05
-"""Radius of the flanks, m."""
+"""Distance of the contacts of a joint's backlash from its axis, m."""
 FLANK_STIFFNESS = 1e9
-"""Stiffness of a flank, N/m^1.5: the load of the nominal pose rotates the elbow by half a mrad."""
+"""Stiffness of a backlash's contact, N/m^1.5, with which the weight in the nominal pose rotates the
+elbow by half a mrad."""
 FLANGE = Body(1e-3, (1e-6, 1e-6, 1e-6))
 """Flange of a gearbox, with negligible mass."""
 GRAVITY = (0.0, 0.0, -9.81)
 PARENTS = (GROUND, *LINKS[:2])
-"""Parent of each link."""
+"""Name of the parent body of each link."""
 LUMPS = lumps()
+"""Mass and inertia of each link."""
 IDENTITY = BASE.orientation
+"""Euler parameters of parallel frames."""
 Joints = dict[str, AbstractConstraint | AbstractContactJoint]
+"""Joints of a scene by name."""
 
 
 def robot_arm(
@@ -211,16 +239,17 @@ def robot_arm(
     0, 31.6399 and 6.0351 N m (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along
     -Z, the axis of the first joint.
 
-    Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of its gearbox
-    flange ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3") is between flange
-    and link; its angle and the flanks' stiffness of 1e9 N/m^1.5 at 50 mm are our choice. The hinges
-    are "joint 1" to "joint 3"; their `JointAngle` is that of Denavit and Hartenberg.
+    Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
+    the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
+    is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
+    and are 50 mm from the axis, are our choice. The hinges are "joint 1" to "joint 3"; their
+    `JointAngle` is that of Denavit and Hartenberg.
 
     **Arguments:**
 
-    - `play`: rad, from flank to flank, of all three joints; with ``None`` the motors drive the
-      links directly.
-    - `restitution`: of the default law.
+    - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
+      no flanges, and the motors drive the links directly.
+    - `restitution`: of the default law of the backlash.
     - `angles`, `speeds`: of the motors at the start, rad and rad/s.
     - `law`: replaces the default law.
 
@@ -240,6 +269,7 @@ def robot_arm(
         if play is None:
             joints[f"motor {k + 1}"] = _motor(parent, LINKS[k], speed, angle, ARM[k].tilt())
             continue
+        # The motor drives the flange, which has a bearing of its own on the parent.
         bodies[flange] = FLANGE
         joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, _foot(k), ORIGIN, Z_AXIS, Z_AXIS)
         joints[f"motor {k + 1}"] = _motor(parent, flange, speed, angle, IDENTITY)

@@ -17,7 +17,8 @@ from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
 TRANSITION = 0.02
-"""Ratio to the clearance of the depth at which wall contact has replaced the film."""
+"""Penetration at which wall contact has fully replaced the film, over the clearance. Up to it the
+film's force decreases to zero."""
 
 
 def rotor_in_bearing(
@@ -34,7 +35,7 @@ def rotor_in_bearing(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
-    """Return a rigid rotor in one bearing, driven at constant speed about Z, and its state.
+    """Return a rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
 
     The rotor is a steel disc of 20 kg with a radius of 100 mm, 0.061 kg m^2 about a diameter and
     0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's
@@ -45,13 +46,14 @@ def rotor_in_bearing(
     **Arguments:**
 
     - `clearance`: radial, m. `bearing_radius`, `journal_length`: m. `mass`: kg.
-    - `film`: an `AbstractFilm`; dry by default.
-    - `speed`: rad/s.
-    - `offset`: initial position of the journal along X and Y, over the clearance.
-    - `restitution`: requested of the default law, Lankarani-Nikravesh.
-    - `law`: replaces the default law.
-    - `friction`: of the dry wall.
-    - `gravity`: (3,) m/s^2.
+    - `film`: an `AbstractFilm`; by default none, for a dry bearing.
+    - `speed`: of the rotor, rad/s.
+    - `offset`: initial position of the journal along X and Y, over the clearance; by default it
+      touches the wall at the lowest point.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `law`: of the contact with the wall; replaces the default law.
+    - `friction`: at the dry wall; none by default.
+    - `gravity`: (3,) m/s^2, along -Y by default.
 
     >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)

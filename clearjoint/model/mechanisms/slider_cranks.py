@@ -1,4 +1,4 @@
-"""The slider-crank with clearance in a pin or in its guide."""
+"""Two slider-cranks: one with clearance at the slider's pin, one with clearance in its guide."""
 
 import math
 
@@ -21,7 +21,7 @@ from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
-"""Lengths of the slider-crank, m.
+"""Lengths of crank and rod of `slider_crank`, m.
 
 >>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
 >>> slider = state.bodies["slider"].position[0]  # farthest out
@@ -29,7 +29,7 @@ CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 True
 """
 SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
-"""Position of the slider pin on the rod, m in the rod's axes."""
+"""Position of the slider pin on the rod of `slider_crank`, m in the rod's axes."""
 
 
 def slider_crank(
@@ -45,13 +45,14 @@ def slider_crank(
     friction: AbstractFriction | AbstractBristleFriction | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
-    """Return the slider-crank of the clearance literature and its initial state.
+    """Return a slider-crank with clearance at the slider's pin, and its initial state.
 
     A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about Z in the origin. A rod of 120 mm, 0.21
     kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
     journal, the "slider pin", with clearance. Centres of mass are at half length. The other moments
     of inertia are those of bars 10 mm wide and a cube of 30 mm; they don't affect the planar
-    motion.
+    motion. These lengths, masses and moments and the default speed of 5000 rpm are common in
+    publications on joints with clearance, but were not checked against one.
 
     The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane.
     The clearance joint is therefore axially free, and no constraint is redundant. The same holds
@@ -59,8 +60,8 @@ def slider_crank(
 
     **Arguments:**
 
-    - `clearance`: radial, m; or ``None``.
-    - `restitution`: requested of the default law, Lankarani-Nikravesh.
+    - `clearance`: radial, m; ``None`` for an ideal pin.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
     - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
       out. The state is that of the ideal mechanism, with a centred journal.
     - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
@@ -75,6 +76,7 @@ def slider_crank(
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
     if clearance is None:
+        # A revolute joint would repeat constraints of the guide and the other joints.
         pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
     else:
         pin = ClearanceJoint(
@@ -116,10 +118,12 @@ def _slider_crank_joints(pin: InlineJoint | ClearanceJoint) -> Joints:
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:
     """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
+    # The rod's far end is on the X axis, at the height of the slider.
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle), 0.0])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
     rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle), 0.0])
-    # Rates are derivatives by the crank's angle, to be multiplied by its speed.
+    # Rates are derivatives by the crank's angle, to be multiplied by its speed. That of the rod's
+    # angle keeps the height of its far end, tip + rod, at zero.
     rod_rate = -tip[0] / rod[0]
     tip_rate = np.array([-tip[1], tip[0], 0.0])
     rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0], 0.0])
@@ -139,13 +143,14 @@ def _slider_crank_state(speed: Scalar, angle: float) -> State:
 
 
 CRANK, ROD = 0.153, 0.306
-"""Lengths of crank and rod, m."""
+"""Lengths of crank and rod of `guided_slider_crank`, m."""
 HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
-"""Half the size of the slider, m."""
+"""Half the length and half the height of its slider, m."""
 GUIDE_STIFFNESS = 1e9
-"""Stiffness of a corner on a wall, N/m^1.5; the contacts of the publication are rigid."""
+"""Stiffness of a corner of its slider on a wall, N/m^1.5. It is our choice, since the contacts of
+the publication are rigid."""
 FRICTION = RegularisedCoulomb(0.01)
-"""Friction with the coefficient of the publication."""
+"""Friction in its guide, with the coefficient of the publication."""
 
 
 def guided_slider_crank(
@@ -173,15 +178,17 @@ def guided_slider_crank(
     - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
     - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
       radius and 20 mm length; ``None``, the default, for an ideal pin.
-    - `law`: of the slider's corners; exact restitution 0.4 by default.
-    - `friction`: of the guide; coefficient 0.01 by default, or ``None``.
-    - `pin_law`: of the pin; the paper's steel by default.
+    - `law`: of the slider's corners on the walls; by default a restitution of 0.4, as published.
+    - `friction`: of the guide; coefficient 0.01 by default, as published; ``None`` for none.
+    - `pin_law`: of the pin; by default that of Lankarani and Nikravesh for steel with a restitution
+      of 0.9.
     - `speed`: of the crank at the start, rad/s.
 
     >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
+    # Ends of a rod along its x axis, over its length. The first is that next to the slider.
     near, far = 0.5, -0.5
     joints: dict[str, AbstractConstraint | AbstractContactJoint] = {
         "crank bearing": RevoluteJoint(
@@ -217,7 +224,10 @@ def guided_slider_crank(
 def _pin(
     clearance: Scalar | None, law: AbstractContactLaw | None
 ) -> RevoluteJoint | ClearanceJoint:
-    """Return the joint between rod and slider; an ideal one if the clearance, m, is ``None``."""
+    """Return the joint between rod and slider, with a radial clearance, m.
+
+    It is ideal if the clearance is ``None``. Without a `law`, Lankarani and Nikravesh's is used.
+    """
     end = (0.5 * ROD, 0.0, 0.0)
     if clearance is None:
         return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
@@ -233,7 +243,10 @@ def _pin(
 
 
 def _in_plane() -> dict[str, AbstractConstraint]:
-    """Return the joints that keep the slider in the plane if its pin has clearance."""
+    """Return the joints that keep the slider in the plane if its pin has clearance.
+
+    Its pin and guide then leave it free to move along Z and to tilt about X and Y: three rows.
+    """
     edge = (0.0, HALF_HEIGHT, 0.0)
     return {
         "plane along": LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS),
