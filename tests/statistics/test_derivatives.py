@@ -102,7 +102,7 @@ def test_failed_runs_are_left_out():
     y[::7] = np.nan
     found = estimate(z, y, 200, np.array([True]))
     assert found.derivatives[0] == pytest.approx(3.0)
-    with pytest.raises(ValueError, match="`members` must be 40 or more"):
+    with pytest.raises(ValueError, match="`members` must be so many that 40 runs succeed"):
         estimate(z, np.where(np.arange(200) < 20, y, np.nan), 200, np.array([True]))
 
 
