@@ -33,8 +33,8 @@ from .wear_depths import quadrature_times, wear_depths
 from .wear_derivatives import (
     PARTS,
     PROFILES,
-    Direction,
     MovingSpline,
+    ParameterDirection,
     Part,
     derivatives_in_spans,
     directions_of,
@@ -259,8 +259,8 @@ def life_derivatives(
     ...     },
     ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0]), "parameter": ["load"]},
     ... )
-    >>> cj.life_derivatives(found, 1e-6, "pin")
-    {'load': -500.0}
+    >>> print(f"{cj.life_derivatives(found, 1e-6, 'pin')['load']:.0f} cycles")
+    -500 cycles
     """
     remedy = "pass `parameters` to wear()"
     require("parameter" in found.dims, "found", list(found.dims), "with derivatives", remedy)
@@ -294,7 +294,7 @@ class _CycleRun:
     samples: int
     settings: Settings | None
     start_time: float
-    directions: Mapping[str, Direction]
+    directions: Mapping[str, ParameterDirection]
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
         """Return the wear per cycle and the state after the run."""
@@ -640,7 +640,9 @@ def _with_depths(
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
             profile = getattr(scene.joints[name], field)
             rows = sign * depths[:, j, k]
-            if isinstance(profile, PeriodicSpline) and len(profile.coefficients) == len(rows[0]):
+            if isinstance(profile, PeriodicSpline | MovingSpline) and len(
+                profile.coefficients
+            ) == len(rows[0]):
                 removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
                 worn = np.asarray(profile.coefficients) + removed[0]
                 changed = (

@@ -8,7 +8,7 @@ their depths.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -20,7 +20,7 @@ from ..fields.declarations import quantity
 from ..fields.types import Column
 from ..math.vectors import Scalar
 from ..model.bodies import State
-from ..model.profiles import PeriodicSpline, periodic
+from ..model.profiles import AbstractPeriodicSpline, periodic
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.scales import AbstractScale
@@ -37,31 +37,37 @@ Rates = Mapping[str, tuple[float, float]]
 """Specific wear rates of bearing and journal, m^2/N, by name of the joint."""
 
 
-class MovingSpline(PeriodicSpline):
+class MovingSpline(AbstractPeriodicSpline):
     """A worn profile that p parameters move.
 
+    - `coefficients`: (N,) m, as in `PeriodicSpline`.
     - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
       parameter, then those with respect to the second, and so on.
     - `shifts`: (p,) by how much each parameter's coordinate is changed. They are zero: only
       derivatives with respect to them are taken.
     """
 
+    coefficients: Column = quantity("m", table=True)
     # The directions are numbers of the scene because they change from stage to stage, and a change
     # of anything else would compile the run again.
     directions: Column = quantity("m", table=True)
     shifts: Column = quantity("1", table=True)
 
-    def coefficients_around(self, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
-        """Return four coefficients, as `PeriodicSpline` does, that the shifts have moved."""
-        found, count = super().coefficients_around(knot), self.angles()
+    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
+        """Return the four coefficients around a knot, (..., 4) m, that the shifts have moved."""
+        found, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
             found = found + self.shifts[k] * periodic(row, knot)
         return found
 
+    def angles(self) -> int:
+        """Return the number of knots."""
+        return np.shape(self.coefficients)[0]
+
 
 @dataclass(frozen=True)
-class Direction:
+class ParameterDirection:
     """A `Change` by which one parameter moves a number and all profiles.
 
     The value is the distance from the present coordinate of the parameter.
@@ -101,22 +107,22 @@ class Direction:
 
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
-) -> dict[str, Direction]:
+) -> dict[str, ParameterDirection]:
     """Return the directions of the parameters and of the logarithm of each wear rate, by name.
 
     A wear rate has the name of its joint and part, such as "pin bearing rate".
     """
     joints = tuple(rates)
-    found: dict[str, Direction] = {}
+    found: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():
         change = parameter.variation.setter(scene, state, 0.0)
         coordinate = float(parameter.coordinate_in(scene, state))
         number = len(found), joints, change, parameter.scale, coordinate
-        found[name] = Direction(*number)
+        found[name] = ParameterDirection(*number)
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:
-                found[rate_name(joint, part)] = Direction(len(found), joints)
+                found[rate_name(joint, part)] = ParameterDirection(len(found), joints)
     return found
 
 
@@ -131,7 +137,7 @@ def derivatives_in_spans(
     start_time: float,
     spans: Sequence[Float[np.ndarray, " T"]],
     rates: Rates,
-    directions: Mapping[str, Direction],
+    directions: Mapping[str, ParameterDirection],
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:

@@ -161,7 +161,39 @@ class Harmonics(AbstractProfile):
         return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
 
 
-class PeriodicSpline(AbstractProfile):
+class AbstractPeriodicSpline(AbstractProfile):
+    """Base class of periodic cubic splines with evenly spaced knots.
+
+    A subclass defines `coefficients_around`, and `angles`, the number of knots.
+    """
+
+    def at(self, angle: NumberOrArray) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+        count = self.angles()
+        per_knot = count / (2.0 * np.pi)
+        # The knots next to angles that are known before compilation are found by NumPy, so that
+        # the compiled program need not search for them.
+        numpy = library((angle,))
+        turns = numpy.asarray(angle, float) / (2.0 * np.pi)
+        position = (turns - numpy.floor(turns)) * count
+        knot = numpy.floor(position)
+        x = position - knot
+        near = self.coefficients_around(knot.astype(int))
+        a, b, c, d = (near[..., k] for k in range(4))
+        # Powers of x of the four cubic B-splines that are not zero between two knots.
+        linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
+        value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
+        slope = linear + x * (2.0 * square + x * 3.0 * cubic)
+        bend = 2.0 * square + x * 6.0 * cubic
+        return Deviation(value, slope * per_knot, bend * per_knot**2)
+
+    @abc.abstractmethod
+    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
+        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
+        m; `knot`: index, or array of indices, of the knot before an angle."""
+
+
+class PeriodicSpline(AbstractPeriodicSpline):
     """A periodic cubic spline with evenly spaced knots, such as a measured or a worn profile.
 
     Use `PeriodicSpline.through(values)` for a profile through given values.
@@ -171,10 +203,10 @@ class PeriodicSpline(AbstractProfile):
 
     **Raises:** `ValueError` if the coefficients are not a row of at least four finite numbers.
 
-    >>> values = 1e-6 * np.cos(2.0 * np.arange(16) * 2.0 * np.pi / 16)
+    >>> values = 1e-6 * np.cos(2.0 * np.arange(64) * 2.0 * np.pi / 64)
     >>> profile = cj.profiles.PeriodicSpline.through(values)
     >>> print(f"{profile.at(0.0).value:.3e} m, {profile.at(0.1).value:.3e} m")
-    1.000e-06 m, 9.800e-07 m
+    1.000e-06 m, 9.801e-07 m
     """
 
     coefficients: Column = quantity("m", table=True)
@@ -197,29 +229,9 @@ class PeriodicSpline(AbstractProfile):
             return PeriodicSpline(values)  # raises an error
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
 
-    def at(self, angle: NumberOrArray) -> Deviation:
-        """Return the deviation at an angle, rad, or at an array of angles."""
-        count = self.angles()
-        per_knot = count / (2.0 * np.pi)
-        # The knots next to angles that are known before compilation are found by NumPy, so that
-        # the compiled program need not search for them.
-        numpy = library((angle,))
-        turns = numpy.asarray(angle, float) / (2.0 * np.pi)
-        position = (turns - numpy.floor(turns)) * count
-        knot = numpy.floor(position)
-        x = position - knot
-        near = self.coefficients_around(knot.astype(int))
-        a, b, c, d = (near[..., k] for k in range(4))
-        # Powers of x of the four cubic B-splines that are not zero between two knots.
-        linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
-        value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
-        slope = linear + x * (2.0 * square + x * 3.0 * cubic)
-        bend = 2.0 * square + x * 6.0 * cubic
-        return Deviation(value, slope * per_knot, bend * per_knot**2)
-
-    def coefficients_around(self, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
+    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m; `knot`: index, or array of indices, of the knot before an angle."""
+        m."""
         return periodic(on_device(self.coefficients), knot)
 
     def angles(self) -> int:
@@ -227,7 +239,7 @@ class PeriodicSpline(AbstractProfile):
         return np.shape(self.coefficients)[0]
 
 
-def periodic(row: jax.Array, knot: Int[jax.Array | np.ndarray, "..."]) -> jax.Array:
+def periodic(row: jax.Array, knot: Int[Any, "..."]) -> jax.Array:
     """Return four entries of a periodic row, (..., 4), from the one before the index `knot` on."""
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
