@@ -1,6 +1,5 @@
 """A double pendulum in space with ideal hinges, in MuJoCo, Exudyn and clearjoint."""
 
-import importlib.util
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 import clearjoint as cj
 from clearjoint import plot
 from studies.validation.check import Check
+from studies.validation.programs import installed
 
 END = 2.0
 """s."""
@@ -35,21 +35,13 @@ SPIN = 1.0
 """Initial rate of the second hinge, rad/s."""
 
 
-def has(package: str) -> bool:
-    """Return whether an optional package is installed."""
-    return importlib.util.find_spec(package) is not None
-
-
 def double_pendulum() -> list[Check]:
     """Check the angles of both hinges at the end with each program that is installed.
 
     The first hinge is horizontal, and the second along the upper arm, so that the motion is
     spatial.
     """
-    programs = {"MuJoCo": _mujoco, "Exudyn": _exudyn}
-    there = {name: run for name, run in programs.items() if has(name.lower())}
-    for name in programs.keys() - there.keys():
-        print(f"No rows of {name}, which is not installed: pip install -e '.[{name.lower()}]'")
+    there = installed({"MuJoCo": _mujoco, "Exudyn": _exudyn})
     ours = _clearjoint() if there else []
     return [
         Check(f"{name}, double pendulum", f"angle of the {hinge} hinge at 2 s", "rad", value, own)
