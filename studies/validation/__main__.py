@@ -1,10 +1,15 @@
 """Comparison with published results of other programs.
 
-python -m studies.validation [--quick] [--output results/validation]
+    python -m studies.validation [--quick] [--damper PATH [PATH...]] [--output FOLDER]
+
+PATH is a record of ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash, such as
+`data/dataset-2/characterization datasets/0.5Hz30lbtension1amplitude.json`, of which none is
+included here. Play, stiffness and friction are fitted to each record.
 """
 
 import argparse
 import warnings
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
@@ -12,9 +17,12 @@ from matplotlib.figure import Figure
 import clearjoint as cj
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
+from studies.validation.benchmarks import benchmarks
+from studies.validation.bounce import bounce
 from studies.validation.chain import double_pendulum
 from studies.validation.check import Check
 from studies.validation.collision import collision
+from studies.validation.damper import damper_figure, damper_table, fit_damper
 from studies.validation.identification import bristle_friction, joint_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
 from studies.validation.siconos import Comparison, four_bar_checks
@@ -70,20 +78,30 @@ def figure(examples: list[Example], linkage: Comparison) -> Figure:
 def main(arguments: list[str] | None = None) -> list[Check]:
     """Run the examples, print the table, draw, and return the checks."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser, "fewer steps in the linkage")
+    add_options(parser, "fewer steps in the linkage, and of the IFToMM benchmarks the first alone")
+    parser.add_argument(
+        "--damper", nargs="+", type=Path, default=[], metavar="PATH", help="measured records"
+    )
     options = parser.parse_args(arguments)
     cj.configure()
     with warnings.catch_warnings():
-        # A backlash of 45 degrees and a spring of 10 N/m are unusual for joints of machines.
+        # A backlash of 45 degrees and springs of 10 N/m are unusual for joints of machines.
         warnings.simplefilter("ignore", cj.UnusualValueWarning)
         examples = [backlash(), elasto_gap()]
-        checks = [*examples[0].checks, *examples[1].checks, *collision()]
+        checks = [*examples[0].checks, *examples[1].checks, *collision(), *bounce()]
     linkage = four_bar_checks(options.quick)
-    checks += [*linkage.checks, *joint_friction(), *bristle_friction(), *double_pendulum()]
+    checks += [*linkage.checks, *benchmarks(options.quick)]
+    checks += [*joint_friction(), *bristle_friction(), *double_pendulum()]
     print(markdown(table(checks)))
     print()
     print(markdown(convergence_table(linkage)))
-    Output.of(__file__, options).save(figure(examples, linkage), "validation")
+    output = Output.of(__file__, options)
+    output.save(figure(examples, linkage), "validation")
+    if options.damper:
+        fits = [fit_damper(path) for path in options.damper]
+        print()
+        print(markdown(damper_table(fits)))
+        output.save(damper_figure(fits), "damper")
     return checks
 
 

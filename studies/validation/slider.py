@@ -8,7 +8,6 @@ corners are rigid (restitution 0.4) and rub with Coulomb's coefficient 0.01.
 import numpy as np
 
 import clearjoint as cj
-from studies.validation.check import Check
 
 CRANK, ROD = 0.153, 0.306
 """Lengths, m."""
