@@ -72,7 +72,7 @@ class DamperFit(NamedTuple):
     fitted: np.ndarray
 
     def free_travel(self, force: np.ndarray) -> float:
-        """Return the mean travel at each reversal, m, in which a force (N,), N, is below `SMALL`."""
+        """Return the mean travel at a reversal, m, in which a force (N,), N, is below `SMALL`."""
         small = np.abs(force[1:]) < SMALL
         return 0.5 * float(np.abs(np.diff(self.displacement))[small].sum())
 

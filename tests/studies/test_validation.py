@@ -1,13 +1,19 @@
 """The study of validation: published values, to the tolerance of their programs."""
 
+import json
 import math
 
+import numpy as np
 import pytest
 
 import clearjoint as cj
 from studies.validation.__main__ import main, table
-from studies.validation.chain import double_pendulum, has
+from studies.validation.benchmarks import benchmarks
+from studies.validation.bounce import bounce, mujoco_orders
+from studies.validation.chain import double_pendulum
+from studies.validation.damper import INCH, KIP, UNITS, fit_damper, read
 from studies.validation.identification import LINK_GUESS, driven_link, fitted
+from studies.validation.programs import has
 from studies.validation.siconos import four_bar_checks
 
 
@@ -66,17 +72,105 @@ def test_lugre_friction_is_identified(checks):
     assert found["stiffness"].difference < 0.02
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [("MuJoCo", 1e-9), ("Exudyn", 1e-7)])
-def test_a_double_pendulum_moves_as_in_other_programs(checks, name, tolerance):
-    found = [check for check in checks if check.source.startswith(f"{name},")]
-    assert len(found) == (2 if has(name.lower()) else 0)
+@pytest.mark.parametrize(
+    ("source", "tolerance"),
+    [
+        ("MuJoCo, double pendulum", 1e-9),
+        ("Exudyn, double pendulum", 1e-7),
+        ("MuJoCo, bouncing ball", 1e-7),
+        ("Exudyn, bouncing ball", 1e-7),
+    ],
+)
+def test_a_scene_moves_as_in_other_programs(checks, source, tolerance):
+    found = [check for check in checks if check.source == source]
+    assert len(found) == (2 if has(source.partition(",")[0].lower()) else 0)
     assert [check for check in found if not check.difference < tolerance] == []
 
 
-def test_without_other_programs_their_rows_are_left_out(monkeypatch, capsys):
-    monkeypatch.setattr("studies.validation.chain.has", lambda package: False)
-    assert double_pendulum() == []
+@pytest.mark.skipif(not has("mujoco"), reason="MuJoCo is not installed")
+def test_the_bounce_of_mujoco_converges_with_the_order_of_its_method():
+    assert mujoco_orders() == pytest.approx([4.0, 4.0], abs=0.3)
+
+
+@pytest.mark.parametrize("checks_of_others", [double_pendulum, bounce])
+def test_without_other_programs_their_rows_are_left_out(checks_of_others, monkeypatch, capsys):
+    monkeypatch.setattr("studies.validation.programs.has", lambda package: False)
+    assert checks_of_others() == []
     assert capsys.readouterr().out.count("not installed") == 2
+
+
+def test_the_first_benchmark_ends_at_its_reference(checks):
+    found = [check for check in checks if check.source.startswith("IFToMM")]
+    assert len(found) == 2
+    assert [check for check in found if not check.difference < 1e-7] == []
+
+
+@pytest.mark.slow
+def test_all_benchmarks_end_at_their_references():
+    found = benchmarks(quick=False)
+    assert {check.source[:10] for check in found} == {f"IFToMM A0{k}" for k in range(1, 5)}
+    assert [check for check in found if not check.difference < 1e-7] == []
+
+
+PLAY, STIFFNESS, FORWARDS, BACKWARDS = 3e-3, 4e6, 9e3, 7e3
+
+
+@pytest.fixture
+def damper_record(tmp_path):
+    """A made-up record in the format of the dataset, of a massless drum.
+
+    The drum stays where it is unless the spring behind the play exceeds the friction.
+    """
+    times = np.arange(0.0, 10.0, 1.0 / 1024.0)
+    places = 0.02 * np.sin(np.pi * times)
+    drum, forces = 0.0, []
+    for place in places:
+        drum = max(drum, place - 0.5 * PLAY - FORWARDS / STIFFNESS)
+        drum = min(drum, place + 0.5 * PLAY + BACKWARDS / STIFFNESS)
+        depth = abs(place - drum) - 0.5 * PLAY
+        forces.append(math.copysign(STIFFNESS * max(depth, 0.0), place - drum))
+    rows = np.stack([times, places / INCH, np.array(forces) / KIP], axis=1)
+    path = tmp_path / "made_up.json"
+    path.write_text(json.dumps({"data": rows.tolist(), **UNITS}))
+    return path
+
+
+def test_a_record_of_the_damper_is_read_in_si_units(damper_record):
+    record = read(damper_record)
+    assert record.time[1] == 1.0 / 1024.0
+    assert record.displacement.max() == pytest.approx(0.02, rel=1e-6)
+    assert record.force.max() == pytest.approx(FORWARDS, rel=1e-6)
+    assert record.force.min() == pytest.approx(-BACKWARDS, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[1, 2", "is not a JSON file"),
+        ("[1, 2]", "has the units None"),
+        (json.dumps({"data": [[0, 1, 2]], **UNITS, "time units": "ms"}), "'time units': 'ms'"),
+        (json.dumps({"data": [[0, 1], [1, 2]], **UNITS}), r"the shape \(2, 2\)"),
+        (json.dumps({"data": [[0, 1, 1], [1, 1, 1]], **UNITS}), "0 rises"),
+    ],
+)
+def test_a_file_that_is_no_record_of_the_damper_is_refused(tmp_path, text, complaint):
+    path = tmp_path / "wrong.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=complaint):
+        fit_damper(path)
+
+
+@pytest.mark.slow
+def test_play_and_friction_of_a_made_up_record_are_found(damper_record):
+    fit = fit_damper(damper_record)
+    expected = {
+        "play": PLAY,
+        "stiffness": STIFFNESS,
+        "forwards": FORWARDS,
+        "backwards": BACKWARDS,
+    }
+    assert fit.estimates == pytest.approx(expected, rel=0.01)
+    assert fit.rms < 0.02 * FORWARDS
 
 
 def test_each_value_has_a_row(checks):
