@@ -23,7 +23,7 @@ from studies.validation.chain import double_pendulum
 from studies.validation.check import Check
 from studies.validation.collision import collision
 from studies.validation.damper import damper_figure, damper_table, fit_damper
-from studies.validation.identification import bristle_friction, joint_friction
+from studies.validation.identification import bristle_friction, joint_friction, journal_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
 from studies.validation.siconos import Comparison, four_bar_checks
 
@@ -91,7 +91,9 @@ def main(arguments: list[str] | None = None) -> list[Check]:
         checks = [*examples[0].checks, *examples[1].checks, *collision(), *bounce()]
     linkage = four_bar_checks(options.quick)
     checks += [*linkage.checks, *benchmarks(options.quick)]
-    checks += [*joint_friction(), *bristle_friction(), *double_pendulum()]
+    checks += [*joint_friction(), *bristle_friction()]
+    checks += [] if options.quick else journal_friction()
+    checks += double_pendulum()
     print(markdown(table(checks)))
     print()
     print(markdown(convergence_table(linkage)))

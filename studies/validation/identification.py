@@ -149,14 +149,52 @@ def bristle_friction() -> list[Check]:
         {"block": block}, {"floor": floor}, {"push": push_load}, gravity=(0.0, 0.0, -9.81)
     )
     start = cj.State({"block": cj.body_state((0.0, 0.0, -mass * 9.81 / contact))})
+    place = cj.quantities.Position("block", "x")
+    return _bristle_checks("mujoco#3286, true values", "floor", scene, start, place)
+
+
+def journal_friction() -> list[Check]:
+    """Identify the LuGre friction of a journal that a torque turns to and fro in its bearing.
+
+    The rotor lies in the bearing and rolls up the wall while its journal sticks.
+    """
+    mass, contact, clearance = 2.0, 1e7, 1e-4
+
+    def drive(t: Scalar) -> Scalar:
+        return 0.07 * jnp.sin(20.0 * t)
+
+    bearing = cj.ClearanceJoint(
+        "ground",
+        "rotor",
+        bearing_radius=10e-3,
+        clearance=clearance,
+        journal_length=20e-3,
+        law=cj.laws.ElastoGap(contact, damping=2e3),
+        friction=cj.frictions.LuGre(**BRISTLES, stribeck_speed=0.02, damping=10.0),
+    )
+    joints = {"bearing": bearing, "plane": cj.PlanarJoint("ground", "rotor", ORIGIN, ORIGIN, Z, Z)}
+    torque = cj.DriveTorque("ground", "rotor", Z, drive)
+    rotor = cj.Body(mass, (1e-3, 1e-3, 1e-3))
+    scene = cj.Scene({"rotor": rotor}, joints, {"drive": torque}, gravity=(0.0, -9.81, 0.0))
+    # Each of the two bases of the journal carries half the weight.
+    depth = 0.5 * mass * 9.81 / contact
+    start = cj.State({"rotor": cj.body_state((0.0, -clearance - depth, 0.0))})
+    angle = cj.quantities.Angle("rotor", Z)
+    source = "mujoco#3286 in a bearing, true values"
+    return _bristle_checks(source, "bearing", scene, start, angle)
+
+
+def _bristle_checks(
+    source: str, joint: str, scene: cj.Scene, start: cj.State, quantity: cj.extend.Quantity
+) -> list[Check]:
+    """Check the identified friction of a joint of a scene, of which 0.6 s are measured."""
     parameters = {
-        "breakaway": cj.Parameter(lambda s: s.joints["floor"].friction.breakaway, cj.Log()),
-        "kinetic": cj.Parameter(lambda s: s.joints["floor"].friction.kinetic, cj.Log()),
-        "stiffness": cj.Parameter(lambda s: s.joints["floor"].friction.stiffness, cj.Log()),
+        "breakaway": cj.Parameter(lambda s: s.joints[joint].friction.breakaway, cj.Log()),
+        "kinetic": cj.Parameter(lambda s: s.joints[joint].friction.kinetic, cj.Log()),
+        "stiffness": cj.Parameter(lambda s: s.joints[joint].friction.stiffness, cj.Log()),
     }
-    record = Record(scene, start, cj.quantities.Position("block", "x"), 0.6, parameters)
-    units = {"breakaway": "", "kinetic": "", "stiffness": "1/m"}
-    return _checks("mujoco#3286, true values", fitted(record, BRISTLES_GUESS), BRISTLES, units)
+    fit = fitted(Record(scene, start, quantity, 0.6, parameters), BRISTLES_GUESS)
+    return _checks(source, fit, BRISTLES, {"breakaway": "", "kinetic": "", "stiffness": "1/m"})
 
 
 def fitted(record: Record, guess: dict[str, float], grow: Sequence[float] = ()) -> cj.results.Fit:

@@ -12,7 +12,7 @@ from studies.validation.benchmarks import benchmarks
 from studies.validation.bounce import bounce, mujoco_orders
 from studies.validation.chain import double_pendulum
 from studies.validation.damper import INCH, KIP, UNITS, fit_damper, read
-from studies.validation.identification import LINK_GUESS, driven_link, fitted
+from studies.validation.identification import LINK_GUESS, driven_link, fitted, journal_friction
 from studies.validation.programs import has
 from studies.validation.siconos import four_bar_checks
 
@@ -70,6 +70,13 @@ def test_lugre_friction_is_identified(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
     assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
     assert found["stiffness"].difference < 0.02
+
+
+@pytest.mark.slow
+def test_lugre_friction_in_a_bearing_is_identified():
+    found = journal_friction()
+    assert [check.name for check in found] == ["breakaway", "kinetic", "stiffness"]
+    assert [check for check in found if not check.difference < 1e-3] == []
 
 
 @pytest.mark.parametrize(
