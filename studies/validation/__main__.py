@@ -25,6 +25,7 @@ from studies.validation.collision import collision
 from studies.validation.damper import damper_figure, damper_table, fit_damper
 from studies.validation.identification import bristle_friction, joint_friction, journal_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
+from studies.validation.rigid_ball import rigid_ball
 from studies.validation.siconos import Comparison, four_bar_checks
 
 
@@ -90,7 +91,7 @@ def main(arguments: list[str] | None = None) -> list[Check]:
         examples = [backlash(), elasto_gap()]
         checks = [*examples[0].checks, *examples[1].checks, *collision(), *bounce()]
     linkage = four_bar_checks(options.quick)
-    checks += [*linkage.checks, *benchmarks(options.quick)]
+    checks += [*linkage.checks, *rigid_ball(options.quick), *benchmarks(options.quick)]
     checks += [*joint_friction(), *bristle_friction()]
     checks += [] if options.quick else journal_friction()
     checks += double_pendulum()
