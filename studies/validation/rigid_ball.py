@@ -1,6 +1,6 @@
 """A ball that bounces on a rigid floor, with a reference file of Siconos.
 
-The example is siconos/siconos-tutorials, examples/mechanics/BouncingBallEventDriven, BouncingBallED:
+The example is BouncingBallED of siconos/siconos-tutorials, in examples/mechanics:
 a ball of 1 kg falls from 1 m with a restitution of 0.9. Siconos finds the impacts as events.
 """
 
