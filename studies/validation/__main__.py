@@ -18,13 +18,14 @@ import clearjoint as cj
 from studies.common.output import Output, add_options
 from studies.common.report import markdown
 from studies.validation.benchmarks import benchmarks
-from studies.validation.bounce import bounce
+from studies.validation.bounce import bounce, mujoco_orders
 from studies.validation.chain import double_pendulum
 from studies.validation.check import Check
 from studies.validation.collision import collision
 from studies.validation.damper import damper_figure, damper_table, fit_damper
 from studies.validation.identification import bristle_friction, joint_friction, journal_friction
 from studies.validation.modelica import Example, backlash, elasto_gap
+from studies.validation.programs import has
 from studies.validation.rigid_ball import rigid_ball
 from studies.validation.siconos import Comparison, four_bar_checks
 
@@ -98,6 +99,9 @@ def main(arguments: list[str] | None = None) -> list[Check]:
     print(markdown(table(checks)))
     print()
     print(markdown(convergence_table(linkage)))
+    if has("mujoco"):
+        height, velocity = mujoco_orders()
+        print(f"\nOrder of MuJoCo's bounce: {height:.2f} (height), {velocity:.2f} (velocity)")
     output = Output.of(__file__, options)
     output.save(figure(examples, linkage), "validation")
     if options.damper:
