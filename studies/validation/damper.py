@@ -28,7 +28,8 @@ INCH, KIP = 0.0254, 4448.2216152605
 MASS, DAMPING = 100.0, 2e3
 """Mass of the drum, kg, and damping of the contact, N s/m, which the records do not determine."""
 WEIGHT, FLOOR_STIFFNESS, DEFLECTION = 1e3, 1e7, 2e-5
-"""N, N/m, m."""
+"""Weight of the drum, N, stiffness of the floor below it, N/m, and deflection of the bristles of
+the friction in sliding, m."""
 BLOCK = 16
 """Number of samples over which the displacement is averaged."""
 SAMPLES = 400
@@ -96,7 +97,10 @@ def read(path: Path) -> Record:
     units = {name: content.get(name) for name in UNITS} if isinstance(content, dict) else None
     if units != UNITS:
         raise ValueError(f"{path} has the units {units}, where {UNITS} is expected.")
-    rows = np.asarray(content.get("data"), dtype=float)
+    try:
+        rows = np.asarray(content.get("data"), dtype=float)
+    except (TypeError, ValueError):  # rows of unequal lengths, or text
+        rows = np.zeros(0)
     if rows.ndim != 2 or rows.shape[1] < 3 or not np.isfinite(rows[:, :3]).all():
         raise ValueError(
             f'"data" of {path} has the shape {rows.shape}: rows of at least three finite numbers,'
@@ -114,7 +118,13 @@ def contact_force(now: cj.extend.Instant) -> Scalar:
 
 
 def damper(path: cj.Spline) -> cj.Scene:
-    """Return a drum and a fork that moves along a path, m, with the play between them."""
+    """Return a drum and a fork that moves along a path, m, with the play between them.
+
+    The drum's friction is that of bristles on a floor, because a smooth function of the speed would
+    let the drum creep while it should stick. The weight on the floor is 1 kN, so that the
+    coefficient of friction is the friction in kN. A constant force makes the friction in the two
+    directions different.
+    """
     law = cj.laws.ElastoGap(GUESS["stiffness"], damping=DAMPING)
     coefficient = GUESS["friction"] / WEIGHT
     friction = cj.frictions.Dahl(coefficient, stiffness=coefficient / DEFLECTION)

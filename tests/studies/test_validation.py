@@ -11,7 +11,7 @@ from studies.validation.__main__ import main, table
 from studies.validation.benchmarks import benchmarks
 from studies.validation.bounce import bounce, mujoco_orders
 from studies.validation.chain import double_pendulum
-from studies.validation.damper import INCH, KIP, UNITS, fit_damper, read
+from studies.validation.damper import UNITS, fit_damper, read
 from studies.validation.identification import LINK_GUESS, driven_link, fitted, journal_friction
 from studies.validation.programs import has
 from studies.validation.siconos import four_bar_checks
@@ -144,7 +144,8 @@ def damper_record(tmp_path):
         drum = min(drum, place + 0.5 * PLAY + BACKWARDS / STIFFNESS)
         depth = abs(place - drum) - 0.5 * PLAY
         forces.append(math.copysign(STIFFNESS * max(depth, 0.0), place - drum))
-    rows = np.stack([times, places / INCH, np.array(forces) / KIP], axis=1)
+    inch, kip = 25.4e-3, 4448.2216  # m, N
+    rows = np.stack([times, places / inch, np.array(forces) / kip], axis=1)
     path = tmp_path / "made_up.json"
     path.write_text(json.dumps({"data": rows.tolist(), **UNITS}))
     return path
@@ -165,6 +166,7 @@ def test_a_record_of_the_damper_is_read_in_si_units(damper_record):
         ("[1, 2]", "has the units None"),
         (json.dumps({"data": [[0, 1, 2]], **UNITS, "time units": "ms"}), "'time units': 'ms'"),
         (json.dumps({"data": [[0, 1], [1, 2]], **UNITS}), r"the shape \(2, 2\)"),
+        (json.dumps({"data": [[0, 1, 2], [1, 2]], **UNITS}), r"the shape \(0,\)"),
         (json.dumps({"data": [[0, 1, 1], [1, 1, 1]], **UNITS}), "0 rises"),
     ],
 )
