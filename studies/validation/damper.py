@@ -100,7 +100,7 @@ def read(path: Path) -> Record:
     try:
         rows = np.asarray(content.get("data"), dtype=float)
     except (TypeError, ValueError):  # rows of unequal lengths, or text
-        rows = np.zeros(0)
+        rows = np.zeros((0, 0))
     if rows.ndim != 2 or rows.shape[1] < 3 or not np.isfinite(rows[:, :3]).all():
         raise ValueError(
             f'"data" of {path} has the shape {rows.shape}: rows of at least three finite numbers,'

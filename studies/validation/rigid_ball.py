@@ -13,12 +13,13 @@ from studies.validation.check import Check
 RESTITUTION, RADIUS, END = 0.9, 0.1, 4.0
 """Newton's coefficient; m; s, between the sixth and the seventh impact."""
 STEP, QUICK_STEP = 1e-6, 8e-6
-"""s."""
+"""Lengths of the steps, s."""
 PUBLISHED = {
     "height of the ball at 4 s": ("m", 0.2805174716217552),
     "velocity of the ball at 4 s": ("m/s", 0.1936871511951985),
     "impulse of the first six impacts": ("N s", 39.433687151195194),
 }
+"""Unit and value of each quantity in the file."""
 
 
 def rigid_ball(quick: bool) -> list[Check]:

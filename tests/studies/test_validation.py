@@ -166,7 +166,7 @@ def test_a_record_of_the_damper_is_read_in_si_units(damper_record):
         ("[1, 2]", "has the units None"),
         (json.dumps({"data": [[0, 1, 2]], **UNITS, "time units": "ms"}), "'time units': 'ms'"),
         (json.dumps({"data": [[0, 1], [1, 2]], **UNITS}), r"the shape \(2, 2\)"),
-        (json.dumps({"data": [[0, 1, 2], [1, 2]], **UNITS}), r"the shape \(0,\)"),
+        (json.dumps({"data": [[0, 1, 2], [1, 2]], **UNITS}), r"the shape \(0, 0\)"),
         (json.dumps({"data": [[0, 1, 1], [1, 1, 1]], **UNITS}), "0 rises"),
     ],
 )
