@@ -72,6 +72,7 @@ def compute_missing(
                 break
         return results
     finally:
+        # Also after an error or an interrupt, so that other programs find all lanes that are stored.
         store.write_grid()
 
 
