@@ -32,7 +32,8 @@ TABLE = "sweep.csv"
 VIEW = "view.html"
 """File of the page with the animation of a run."""
 SCREEN = 0.55
-"""Width of a picture on the page as a fraction of its width in pixels."""
+"""Width of a picture on the page as a fraction of its width in pixels. Pictures have more pixels
+than the page needs, so that they stay sharp on screens with a high resolution."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff; }

@@ -87,7 +87,7 @@ class Study:
         """Return the time at which runs end, s: `section_end` or, if that is None, the end in the
         section [run].
 
-        **Raises:** `ValueError` if there is neither, and for an end before the start.
+        **Raises:** `ValueError` if there is neither, and for an end that is not after the start.
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:

@@ -72,7 +72,7 @@ def compute_missing(
                 break
         return results
     finally:
-        # Also after an error or an interrupt, so that other programs find all lanes that are stored.
+        # Also after an error or an interrupt, so that other programs find all stored lanes.
         store.write_grid()
 
 

@@ -209,6 +209,6 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 
 def _netcdf_name(name: str) -> str:
-    """Return the name of an attribute in a form that netCDF allows: with "_" in place of slashes and
-    apostrophes, and without spaces at the end."""
+    """Return the name of an attribute in a form that netCDF allows: with "_" in place of slashes
+    and apostrophes, and without spaces at the end."""
     return name.translate({ord(c): "_" for c in "/'"}).rstrip()

@@ -245,8 +245,8 @@ def _common_values(
         np.asarray(max_steps),
         {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
     )
-    # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section has
-    # a log of its own, too, and each log has room for a limited number of rows.
+    # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
+    # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {
         name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
         for name, table in tables.items()

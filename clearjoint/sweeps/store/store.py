@@ -229,8 +229,8 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
     was killed, it may show lanes of the last minute as pending.
 
-    **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another version
-    or its metadata are damaged.
+    **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
+    version or its metadata are damaged.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
