@@ -132,6 +132,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=None if impacts is None else _impacts(impacts),
+        # The table does not have the stabilisation, so that the default one is taken.
         formulation=Formulation(redundant=bool(names)),
         redundant_constraints=names,
         sections=_sections(folder),

@@ -50,8 +50,11 @@ pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 
 
 def write_report(folder: Path) -> None:
-    """Draw the figures of the results in a folder again, and write the HTML page that shows
-    them."""
+    """Draw the figures of the results in a folder again, and write the HTML page that shows them.
+
+    Of a fit only the page is written, with the existing figures, since the folder does not have all
+    that they were drawn from.
+    """
     kind = read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -62,8 +65,11 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Draw the figures of a run, and write its page and, if the packages for it are installed, its
-    3D animation."""
+    """Write the page of a run from the files in its folder.
+
+    If these include saved states, its figures are drawn and, if the packages for it are installed,
+    the 3D animation is written, too.
+    """
     parts = []
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")

@@ -31,7 +31,7 @@ Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Sect
 SCENE = "scene"
 """Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
-"""Keys of the sections in a study file."""
+"""Keys that a study file may have besides that of the scene: its title and its sections."""
 
 
 @dataclass(frozen=True)

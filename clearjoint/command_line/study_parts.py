@@ -220,7 +220,8 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded, Starts, Screening, ImpactTable),
 )
-"""Classes that study files may name: quantities, reductions, methods, solvers, scales, starts."""
+"""Classes that study files may name: quantities, reductions, coordinates, stabilisations, solvers,
+scales, further starts of fits, and tables of impacts."""
 TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
 """Classes of the tables of study files. Files do not name them, since their keys tell the class."""
 

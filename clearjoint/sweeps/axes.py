@@ -51,15 +51,15 @@ class Axis:
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``, or a variation
-      (`clearjoint.parametrisation.variations`). If it returns several numbers, all of them get the
-      same value.
+      ``lambda scene: scene.joints["pin"].clearance``; or a variation, an object that says how a
+      value changes scene and state (`clearjoint.parametrisation.variations`). If the function
+      returns several numbers, all of them get the same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
       scene. It does not convert the values.
 
     **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and for a
-    `path` that is not a function.
+    `path` that is neither a function nor a variation.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
     >>> axis.values.shape
@@ -122,8 +122,8 @@ class Axis:
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return a text about the axis for the notes of a sweep: the kind of the variation and the
-        name of its function."""
+        """Return a text about the axis for the notes of a sweep: the class of its variation and the
+        name of its function, such as "StateNumber <lambda>" for a number of the initial state."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
