@@ -115,8 +115,8 @@ def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts in a figure of forces, since saved states may miss
-    them."""
+    """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
+    states may miss them. Do nothing without impacts."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     # The figure has chosen its units, which its labels tell.
@@ -143,8 +143,8 @@ def _section(crossings: Crossings) -> "Axes":
 
 
 def _over_time(output: "xr.DataArray") -> "Axes":
-    """Draw an output over time, and mark its largest and smallest value as dots if they are known,
-    since saved states may miss them."""
+    """Draw an output at the saved states over time. Mark its largest and smallest value of the run
+    as dots, since saved states may miss them, if the attributes of the output have them."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)

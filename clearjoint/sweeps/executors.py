@@ -206,7 +206,7 @@ class _Pool:
         remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
         expected = "a concurrent.futures.Executor or a dask.distributed.Client"
         require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
-        context = getattr(executor, "_mp_context", None)
+        context = getattr(executor, "_mp_context", None)  # only pools of processes have one
         survives = context is None or context.get_start_method() != "fork"
         expected = "a pool of processes that are not forked, since JAX's threads don't survive that"
         require(survives, "executor", executor, expected, remedy)

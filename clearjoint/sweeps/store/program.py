@@ -141,7 +141,12 @@ def programs(
     def read(
         numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return for each variable all values that its output computes at the end of a step."""
+        """Return for each variable all values that its output computes at the end of a step, so
+        that its digest depends on all of the output's code.
+
+        `row` and `inside` are those of `instant`; `tallies` has the structure that `tallies_of`
+        returns.
+        """
         now, computed = instant(numbers, row, inside), {}
         for name, reduction in plan.reductions.items():
             tally = tallies[name]
