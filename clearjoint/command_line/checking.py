@@ -32,6 +32,8 @@ def description(study: Study) -> Iterator[str]:
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
+    # The lines about the scene come first, so that they are printed even if a check below raises an
+    # error, whose cause they may show.
     yield from _elements(scene)
     yield from _constraints(scene, report)
     yield from _contacts(scene, state)

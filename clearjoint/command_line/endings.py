@@ -34,9 +34,10 @@ def understandable() -> Iterator[None]:
     """Return a context for the body of a command, in which users get sentences instead of
     tracebacks.
 
-    Each warning is printed as one line, and an error as one sentence, after which the program ends
-    with the exit code 1 or 2; after Ctrl-C it ends with 130. Errors of other types, which are
-    mistakes in this package, keep their tracebacks.
+    Each warning is printed as one line, and an error as one sentence, after which the program ends:
+    with the exit code 2 for wrong input (`ValueError`, `OSError`, `ImportError`), with 1 for a
+    `RuntimeError`, and with 130 after Ctrl-C. Errors of other types, which are mistakes in this
+    package, keep their tracebacks.
     """
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
@@ -46,6 +47,7 @@ def understandable() -> Iterator[None]:
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             text = str(error)
+            # The text of an error of the system would begin with its number, "[Errno 2]".
             if isinstance(error, OSError) and error.strerror:
                 text = f"{error.filename}: {error.strerror}."
             say(f"error: {text}")

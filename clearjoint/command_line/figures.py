@@ -38,7 +38,7 @@ def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observati
     energies, outputs, Poincaré sections, and the report on one page.
 
     **Arguments:** `folder`: folder of the results, which has the table of outputs already;
-    `solution`: the run; `observed`: observation of its saved states.
+    `solution`: the run; `observed`: contacts, forces and energies at its saved states.
     """
     matplotlib.use("agg")  # draws files without a screen
     for name, joint in scene.contact_joints().items():
@@ -72,8 +72,8 @@ def draw_sweep(folder: Path, dataset: "xr.Dataset") -> None:
     if axes == ["lane"]:  # zipped axes, of which the first is drawn
         axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
     for name, variable in dataset.items():
-        # The data set also has these counts of each lane. Outputs with more dimensions than the
-        # lanes, such as saved motions, have no figure.
+        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
+        # dimensions than the lanes, such as saved motions, have no figure.
         is_output = name not in ("result", "attempts", "accepted", "time_reached")
         if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
@@ -96,8 +96,8 @@ def draw_fit(folder: Path, found: Fit) -> None:
 
 
 def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
-    """Draw one output of a sweep over the axes with the given names; draw nothing if all its values
-    are NaN or infinite."""
+    """Draw one output of a sweep over the axes with the given names. Draw nothing if all its values
+    are NaN or infinite, and print a note instead if there are more than two axes."""
     if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
@@ -115,14 +115,15 @@ def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]
 
 
 def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts in a figure of forces, since saved states may miss
-    them."""
+    """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
+    states may miss them. Do nothing without impacts."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     # The figure has chosen its units, which its labels tell.
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
     times = impacts.peak_time[of_joint] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
     forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
+    # 5 % of room above the highest dot.
     forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
     columns = len(forces.get_legend_handles_labels()[1])
     forces.legend(
@@ -142,8 +143,8 @@ def _section(crossings: Crossings) -> "Axes":
 
 
 def _over_time(output: "xr.DataArray") -> "Axes":
-    """Draw an output over time, and mark its largest and smallest value as dots if they are known,
-    since saved states may miss them."""
+    """Draw an output at the saved states over time. Mark its largest and smallest value of the run
+    as dots, since saved states may miss them, if the attributes of the output have them."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)

@@ -64,6 +64,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     except FitInterrupted as stopped:
         if not stopped.fits:
             return CommandResult(INTERRUPTED, "interrupted before the first run ended")
+        # The last of these fits is the best result of the interrupted one.
         interrupted, found = True, stopped.fits[-1]
     folder.mkdir(parents=True, exist_ok=True)
     _write(found, folder)
@@ -73,6 +74,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
         "chi_squared": found.chi_squared,
         "degrees_of_freedom": found.degrees_of_freedom,
     }
+    # The page shows the summary and the tables, so it is written after them.
     write_summary(folder, "fit", study, summary, start)
     write_fit_report(folder, found)
     if interrupted:

@@ -110,6 +110,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         raise ValueError(f"{folder}: found no {files}, expected both: {remedy}.")
     with quiet():
         scene, _ = load(folder / SCENE)
+    # A table of states has the final state in variables of its own, "final_position" for example.
     final = {
         str(name).removeprefix("final_"): values
         for name, values in motion.items()
@@ -117,7 +118,8 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     }
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
-    # The file has the message of the result; one of another version counts as not finished.
+    # The file has the message of the result instead of its code. The message of another version may
+    # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
     impacts = read_table(folder, IMPACTS)
     solution = Solution(
@@ -130,6 +132,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=None if impacts is None else _impacts(impacts),
+        # The table does not have the stabilisation, so that the default one is taken.
         formulation=Formulation(redundant=bool(names)),
         redundant_constraints=names,
         sections=_sections(folder),

@@ -44,7 +44,7 @@ class FoundPath:
 
     - `path`: function of the scene, or of the state, that returns the number.
     - `in_state`: whether the number belongs to the state instead of the scene.
-    - `unit`: SI unit of the number.
+    - `unit`: SI unit of the number; of the first one if there are several.
     """
 
     path: WrittenPath
@@ -83,6 +83,7 @@ def find_path(
     if len(in_state) != 1:
         location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
     (is_state,) = in_state
+    # The first key, "state", is not one of the state itself.
     tree, paths = (state, [keys[1:] for keys in paths]) if is_state else (scene, paths)
     # The unit of each number, by its keys: an array has one entry for each component.
     units = {

@@ -194,7 +194,10 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
 @command("report", "clearjoint report results/four_bar/run")
 @click.argument("folder", type=FOLDER)
 def report(folder: Path) -> None:
-    """Draw the figures of a folder of results again and write its page."""
+    """Draw the figures of a folder of results again and write its page.
+
+    The figures of a fit stay as they are.
+    """
     _prepare()
     from .folders import PAGE
     from .reports import write_report

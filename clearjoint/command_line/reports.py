@@ -32,7 +32,8 @@ TABLE = "sweep.csv"
 VIEW = "view.html"
 """File of the page with the animation of a run."""
 SCREEN = 0.55
-"""Width of a picture on the page as a fraction of its width in pixels."""
+"""Width of a picture on the page as a fraction of its width in pixels. Pictures have more pixels
+than the page needs, so that they stay sharp on screens with a high resolution."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff; }
@@ -49,8 +50,11 @@ pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
 
 
 def write_report(folder: Path) -> None:
-    """Draw the figures of the results in a folder again, and write the HTML page that shows
-    them."""
+    """Draw the figures of the results in a folder again, and write the HTML page that shows them.
+
+    Of a fit only the page is written, with the existing figures, since the folder does not have all
+    that they were drawn from.
+    """
     kind = read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -61,8 +65,11 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Draw the figures of a run, and write its page and, if the packages for it are installed, its
-    3D animation."""
+    """Write the page of a run from the files in its folder.
+
+    If these include saved states, its figures are drawn and, if the packages for it are installed,
+    the 3D animation is written, too.
+    """
     parts = []
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")

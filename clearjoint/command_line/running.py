@@ -100,6 +100,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
         assert isinstance(stopped.solution, Solution)
         code, solution = INTERRUPTED, stopped.solution
     folder.mkdir(parents=True, exist_ok=True)
+    # The tables are about the saved states, without which none is written.
     force, contact = 0.0, ""
     if solution.saved is not None and len(solution.saved):
         force, contact = write_results(study, solution, reductions, folder)
@@ -114,6 +115,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
         **({"largest_force_N": force, "largest_force_of": contact} if contact else {}),
         **dict(solution.settings),
     }
+    # The page shows the summary and the tables, so it is written after them.
     folders.write_summary(folder, "run", study, summary, start)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
@@ -156,7 +158,12 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Return the times (N,), s, at which a run's states are saved.
+    """Return the times (N,), s, at which a run's states are saved, from its start on.
+
+    Without `save_every`, they are `FRAMES` + 1 times from the start to the end. With it, the last
+    time is before the end if the duration is not a multiple of `save_every`.
+
+    **Arguments:** `part`: the section [run], with the start and `save_every`, s; `end`: s.
 
     **Raises:** `ValueError` for a `save_every` that is not positive or exceeds the duration.
     """
@@ -179,10 +186,16 @@ def write_results(
     reductions: Mapping[str, AbstractReduction],
     folder: Path,
 ) -> tuple[float, str]:
-    """Write the tables of a run: motion, observation, impacts, sections and outputs.
+    """Write the scene file and the tables of a run, which has saved states.
 
-    **Arguments:** `reductions`: reductions that the run has computed, by name; `folder`: folder of
-    the results.
+    The scene file has the scene with its initial state. There is a table of the motion, which are
+    the saved states; a table of the contacts, reactions of joints, accelerations and energies that
+    `observe` computes from these states; one of the impacts, if the run has recorded them; one for
+    each Poincaré section; and, if the study names outputs, a table of quantities at the saved
+    states and one of the numbers that reductions give.
+
+    **Arguments:** `study`: the scene and the outputs; `solution`: the run; `reductions`: reductions
+    that the run has computed, by name; `folder`: folder of the results.
 
     **Returns:** the largest normal force of all contacts, N, and the label of its contact; zero and
     an empty label without contacts.
@@ -267,7 +280,10 @@ def _write_numbers(
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
     """Return the largest normal force, N, of all finished impacts and saved states, and the label
-    of its contact; zero and an empty label without contacts."""
+    of its contact; zero and an empty label without contacts. `observed` has the forces of the
+    contacts at the saved states."""
+    # Saved states alone would miss the peaks of most impacts, and the table of impacts lacks
+    # contacts that had not ended.
     forces = [
         (float(values.normal_force.max()), contact_label(joint, contact))
         for joint, family in observed.contacts.items()

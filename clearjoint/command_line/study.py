@@ -31,7 +31,7 @@ Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Sect
 SCENE = "scene"
 """Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
-"""Keys of the sections in a study file."""
+"""Keys that a study file may have besides that of the scene: its title and its sections."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Study:
         """Return the time at which runs end, s: `section_end` or, if that is None, the end in the
         section [run].
 
-        **Raises:** `ValueError` if there is neither, and for an end before the start.
+        **Raises:** `ValueError` if there is neither, and for an end that is not after the start.
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:

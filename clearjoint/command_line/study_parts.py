@@ -43,6 +43,8 @@ class SectionPart:
     - `channels`: recorded quantities, by name.
     - `count`: largest number of recorded crossings.
     - `after`: time, s, before which crossings are not recorded.
+
+    **Raises:** `ValueError` for a `count` that is not a positive integer.
     """
 
     crossing: AbstractQuantity
@@ -58,7 +60,7 @@ class SectionPart:
 class RunPart:
     """The section [run]: settings and outputs of a run.
 
-    - `start`, `end`: first and last time, s.
+    - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
@@ -86,6 +88,9 @@ class AxisPart:
     - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
       equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
       units, or a text with a unit.
+
+    **Raises:** `ValueError` unless there are either `values`, at least one in a list, or both
+    `start` and `stop`; and for a `count` that is not a positive integer.
     """
 
     path: str | Sequence[str]
@@ -115,7 +120,8 @@ class SweepPart:
       [run] are computed too.
     - `end`, `preset`, `settings`: those of [run] unless given.
     - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
-    - `chunk`: number of lanes that are stored together.
+    - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
+      most 256.
     """
 
     axes: Mapping[str, AxisPart]
@@ -191,7 +197,8 @@ class FitPart:
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file, and its title; None for a section that the file lacks."""
+    """The sections of a study file, and its title. For a file without [run] that section has its
+    default values; [sweep] and [fit] are None if the file lacks them."""
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
@@ -213,7 +220,8 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded, Starts, Screening, ImpactTable),
 )
-"""Classes that study files may name: quantities, reductions, methods, solvers, scales, starts."""
+"""Classes that study files may name: quantities, reductions, coordinates, stabilisations, solvers,
+scales, further starts of fits, and tables of impacts."""
 TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
 """Classes of the tables of study files. Files do not name them, since their keys tell the class."""
 

@@ -1,6 +1,6 @@
 """`clearjoint sweep`: run a scene for many values of its numbers, each run in a lane.
 
-The store of a sweep keeps the finished chunks of lanes, so that the same command continues an
+The store of a sweep keeps the lanes that have ended, so that the same command continues an
 interrupted sweep.
 """
 
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 PIECES = 16
-"""Default number of chunks, into which the lanes of a sweep are divided. A chunk is stored when all
-its lanes are finished: an interruption loses at most one."""
+"""Default number of chunks into which the lanes of a sweep are divided. A chunk is written to the
+store when all its lanes have ended, so that long sweeps show results early and a process that is
+killed loses few of them."""
 LONGEST = 256
 """Largest default number of lanes in a chunk."""
 
@@ -38,10 +39,14 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
     """Run the sweep of a study's section [sweep], or continue it, and write its store, tables,
     figures and page.
 
+    The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
+    with which a mechanism can't run. After Ctrl-C, results so far are written.
+
     **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
     whether to show a progress bar.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
     """
     part = study.parts.sweep
     if part is None:
@@ -74,6 +79,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary = _summary(dataset, code)
+    # The page shows the summary and the table, so it is written after them.
     write_summary(folder, "sweep", study, summary, start)
     write_sweep_report(folder, dataset.load())
     if code == INTERRUPTED:
@@ -152,7 +158,7 @@ def _line(dataset: "xr.Dataset", summary: Summary) -> str:
     of all outputs that are forces."""
     lanes, pending = int(summary["lanes"]), int(summary["lanes pending"])
     failed = lanes - int(summary["lanes successful"]) - pending
-    steps = int(dataset["accepted"].clip(min=0).sum())
+    steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
     forces = [
         float(np.nanmax(output.values))
         for output in dataset.data_vars.values()

@@ -17,7 +17,7 @@ Notes = tuple[tuple[str, str | int | float], ...]
 
 
 def describe(value: object) -> str:
-    """Return a text that describes a value, such as "Hertz(stiffness=1e9)".
+    """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
 
     Objects are described by the name of their class and by their fields, functions by their names.
     Arrays are cut off after `LONGEST` characters.

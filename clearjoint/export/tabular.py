@@ -66,6 +66,8 @@ class AbstractTabular(abc.ABC):
         escaped ("\\u8f74"), and the attribute "original_name" has the unescaped name.
 
         **Arguments:** `path`: file, which is overwritten if it exists.
+
+        **Raises:** `ValueError` for a variable or dimension without a name.
         """
         write_netcdf(self.to_xarray(), path)
 

@@ -135,13 +135,16 @@ def read_csv(
     - `time`, `time_unit`: name of the column of times, and its unit if the header has none.
     - `noise`: standard deviation of the samples for channels without their own, in the unit of each
       column: a number, or one for each row.
-    - `missing`: "drop" omits samples that are not numbers; "refuse" raises an error.
+    - `missing`: "drop" omits samples that are not finite numbers; "refuse" raises an error.
     - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
-    **Raises:** `ValueError` for a missing column, a column without a unit or with a unit of another
-    dimension, for text and NaN, times that don't rise, and noise that is not positive.
+    **Raises:** `ValueError` for a file that is empty, or whose rows have more fields than its
+    header; for a missing or repeated column; for a column without a unit, or with a unit of another
+    dimension; for samples that are not finite numbers, unless they are dropped; for times that
+    don't rise strictly; for noise that is missing, not positive or of another length; and for an
+    empty `channels`.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -186,8 +189,9 @@ def function_from_csv(
 
     **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
 
-    **Raises:** `ValueError` for a missing or repeated column, values that are not finite numbers,
-    times that don't rise, and a unit of another dimension.
+    **Raises:** `ValueError` for a file that can't be read as in `read_csv`, a missing or repeated
+    column, values that are not finite numbers, times that don't rise strictly, and a unit of
+    another dimension.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
@@ -245,8 +249,11 @@ def from_xarray(
     Each variable has one dimension, whose coordinate contains the times, in s or in the unit of the
     coordinate's attribute "units". A variable's attribute "units" is the unit of its values.
 
-    **Arguments:** `channels`: `Channel` by name of the variable; other arguments, the result and
-    errors are as in `read_csv`.
+    **Arguments:** `channels`: `Channel` by name of the variable; other arguments and the result are
+    as in `read_csv`.
+
+    **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
+    or without a coordinate of times.
 
     >>> import xarray as xr
     >>> data = xr.Dataset({"probe": ("t", [1.0, 2.0], {"units": "um"})}, coords={"t": [0.0, 0.1]})
@@ -336,7 +343,7 @@ def _times(column: _Column, unit: str) -> np.ndarray:
 
     **Arguments:** `unit`: unit of the times if the table has none.
 
-    **Raises:** `ValueError` for times that are not finite or don't rise.
+    **Raises:** `ValueError` for times that are not finite or don't rise strictly.
     """
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
@@ -373,6 +380,7 @@ def _series(
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None
+    # One deviation for each row loses the rows whose samples are dropped.
     if np.ndim(deviation):
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)

@@ -38,8 +38,9 @@ class Series(AbstractReadable):
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
 
-    **Raises:** `ValueError` for shapes that differ, values that are not finite, times that don't
-    rise, noise that is not positive, and a unit of another dimension than the channel's.
+    **Raises:** `ValueError` for shapes that differ, a series without samples, values that are not
+    finite, times that don't rise strictly, noise that is not positive, a unit that is unknown,
+    missing or of another dimension than the channel's, and a channel that is not a function.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -75,6 +76,7 @@ class Series(AbstractReadable):
         self.channel, self.name = channel, name
         self.times = as_number(times, "times", "s")
         self.values = as_number(values, "values", unit) * factor
+        # A single deviation is repeated for each sample.
         self.noise = as_number(noise, "noise", unit) * factor * np.ones(np.shape(self.values))
 
     def __check_init__(self):
@@ -174,7 +176,8 @@ class Measurements(AbstractReadable):
 
     **Arguments:** `series`: a dictionary of `Series`, at least one; their times may differ.
 
-    **Raises:** `ValueError` for an empty dictionary, and for an entry that is not a `Series`.
+    **Raises:** `ValueError` for an empty dictionary, for names that are not non-empty strings, and
+    for an entry that is not a `Series`.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> encoder = cj.Series(angle, [0.0, 0.1, 0.2], [1.0, 1.1, 1.3], noise=0.01)

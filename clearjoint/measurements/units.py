@@ -34,8 +34,9 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     - `unit`: any unit that pint knows, such as "mm" or "rpm".
     - `si`: the SI unit to convert to; ``None`` for the SI base unit of the same dimension.
 
-    **Raises:** `ValueError` for an unknown unit, a unit of another dimension, and a unit that is
-    not a multiple of the SI unit, such as a level in dB.
+    **Raises:** `ValueError` for an unknown unit, a unit of another dimension, a frequency in Hz
+    where an angular speed is expected, a unit that is not a multiple of the SI unit, such as a
+    level in dB, and a unit that is too long or has too large powers to be converted quickly.
     """
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
@@ -48,12 +49,14 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     # To pint, a radian is dimensionless, so that 1 Hz would silently become 1 rad/s.
     cycles = "hertz" in str(source) and "radian" in str(target)
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
-    # A level or a temperature in degrees Celsius has no single factor: it would convert wrongly.
+    # A level or a temperature in degrees Celsius has no single factor: it would convert wrongly. A
+    # conversion by a factor gives 0 for 0, and for 2 twice as much as for 1, apart from rounding.
     zero, one, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
     linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")
     if si is not None:
         return float(one), si
+    # A unit that is an SI unit already keeps the spelling of the user.
     return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
 
 

@@ -217,6 +217,7 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
     """
     if "unit" not in metadata:
         return expected
+    # An argument without annotation allows anything; with a unit it allows numbers only.
     shape = getattr(metadata.get("declared"), "shape", None)
     return replace(
         expected,

@@ -48,9 +48,9 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` for another suffix, and for a value that a file can't hold: a function,
-    NaN, or an object that its class does not make again from its fields. The message names the
-    location of the value.
+    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene or has
+    others, and for a value that a file can't hold: a function, NaN, or an object that its class
+    does not make again from its fields. The message names the location of the value.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -210,6 +210,7 @@ def scene_of_document(
     given, state_location = document.get(STATE, {}), location.at(STATE)
     if not isinstance(given, dict):
         state_location.refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    # A file may omit the state of any body, and the whole section: `_completed` finds them.
     scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
     state = reader.instance(State, {"bodies": {}} | given, state_location)
     known = list(scene.bodies)

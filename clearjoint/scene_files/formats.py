@@ -66,14 +66,15 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
-    """Return the tables of the text of a file.
+    """Return the tables of the text of a file, without the reference of a JSON file to its schema.
 
     **Arguments:** `suffix`: ".toml" or ".json"; `file`: path of the file, for messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
     """
-    # None stands for content that is nested too deeply.
+    # None stands for content that is nested too deeply, for which the parsers may exceed Python's
+    # limit of recursion.
     try:
         if suffix == ".toml" and DEEP_KEY.search(text):
             content = None

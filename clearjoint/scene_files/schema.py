@@ -103,6 +103,7 @@ class Catalogue:
         if expected.item is not None:
             row = _list_of(self._value(expected.item))
             return {"anyOf": [{"type": "string"}, row]} if expected.is_text else row
+        # Such an argument may also allow a number, or the text "none".
         if expected.classes:
             return {"anyOf": [*self._references(expected.classes), NUMBER]}
         if expected.is_text:

@@ -55,8 +55,9 @@ HINGES = "revolute", "continuous"
 BACKLASH = "backlash"
 """Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
 WIND_UP = 0.1
-"""Deflection of a flank, at which the play ends, under the joint's effort limit, as a fraction of
-the backlash, if no stiffness is given: small compared with the play."""
+"""Fraction of the backlash by which the joint's effort limit turns the joint past the end of the
+play. It determines the torsional stiffness if none is given. It is small, so that the elastic
+deflection of the surfaces in contact (flanks) is small compared with the play."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -267,6 +268,7 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
             known |= {BACKLASH: Expectation()}
             remedy = nearest(argument, known, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
+    # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(()), location.at(name)
     return {
         key: reader.value(value, known[key], at.at(key)) if isinstance(value, str) else value

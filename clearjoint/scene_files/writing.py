@@ -76,6 +76,7 @@ class Writer:
         if isinstance(value, tuple | list):
             inner = expected.item or expected
             return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
+        # The table need not name the class that the reader takes for this argument by default.
         if is_dataclass(value) and not isinstance(value, type):
             kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
             return kind | self.table(value, location)

@@ -51,14 +51,15 @@ class Axis:
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``, or a variation
-      (`clearjoint.parametrisation.variations`). If it returns several numbers, all of them get the
-      same value.
+      ``lambda scene: scene.joints["pin"].clearance``; or a variation, an object that says how a
+      value changes scene and state (`clearjoint.parametrisation.variations`). If the function
+      returns several numbers, all of them get the same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
       scene. It does not convert the values.
 
-    **Raises:** `ValueError` for values that are not a row of finite numbers.
+    **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and for a
+    `path` that is neither a function nor a variation.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
     >>> axis.values.shape
@@ -84,7 +85,8 @@ class Axis:
         """Return an axis of a number of the initial state.
 
         **Arguments:** `path`: function that selects the number in a `State`, such as
-        ``lambda state: state.bodies["arm"].spin[2]``. `values` (n,) and `unit`: as in `Axis`.
+        ``lambda state: state.bodies["arm"].spin[2]``. `values` (n,), `unit` and errors: as in
+        `Axis`.
         """
         return Axis(StateNumber(path, unit), values)
 
@@ -95,9 +97,13 @@ class Axis:
         **Arguments:**
 
         - `make`: function that receives the scene, the initial state and one value, and returns the
-          changed pair (scene, state). It may change numbers only, not names or shapes of arrays.
+          changed pair (scene, state). It may change numbers only, not names or shapes of arrays. A
+          lane for which it raises a `ValueError` is not run.
         - `values`: (n,), in `unit`.
         - `unit`: text that labels the values in the results.
+
+        **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and
+        for a `make` that is not a function.
         """
         return Axis(MadeByFunction(make, unit), values)
 
@@ -110,12 +116,14 @@ class Axis:
         value set.
 
         The function takes scenes and states of the same structure as `scene` and `state`.
+
+        **Raises:** `ValueError` for a path that selects no number, or an array.
         """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return a text about the axis for the notes of a sweep: the kind of the variation and the
-        name of its function."""
+        """Return a text about the axis for the notes of a sweep: the class of its variation and the
+        name of its function, such as "StateNumber <lambda>" for a number of the initial state."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -189,6 +197,8 @@ def lanes_of(
     - `scene`, `state`: the scene and initial state that the axes change.
     - `axes`: `Axis` by name.
     - `values`: by name of the axis, its values in every lane, (lanes,).
+
+    **Raises:** `ValueError` for an axis whose path selects no number, or an array.
     """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
@@ -264,6 +274,8 @@ def _columns_by_setters(
         for number in setter.numbers:
             # `base` has the leaves of the scene first, then those of the state.
             k = number.leaf if setter.in_scene else scene_leaves + number.leaf
+            # All lanes begin with the base numbers, since the axis may set only one component of an
+            # array.
             if k not in columns:
                 columns[k] = np.repeat(np.asarray(base[k], float)[None], len(values[name]), axis=0)
             columns[k][(slice(None), *number.component)] = values[name]
@@ -288,6 +300,8 @@ def _columns_by_functions(
     for lane in range(len(next(iter(values.values())))):
         changed = scene, state
         try:
+            # The functions make elements again for each lane, so that a warning of an unusual value
+            # would be repeated in every lane.
             for name, change in changes.items():
                 with quiet():
                     changed = change(*changed, values[name][lane])
@@ -304,6 +318,8 @@ def _columns_by_functions(
         except ValueError as error:
             bad[lane] = str(error)
             rows.append(base)
+    # A leaf that no function changes in any lane gets no column. Most leaves are still the same
+    # objects, so that their numbers need not be compared.
     by_leaf = enumerate(zip(zip(*rows, strict=True), base, strict=True))
     return {
         k: np.stack(column)
@@ -332,6 +348,7 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     # User-defined elements may have checks that can't be compiled, and a check may raise an error
     # about something other than numbers. All lanes are then checked in Python.
     with suppress(UnsupportedPrimitiveError, ValueError):
+        # ``None`` stands for an argument that is equal in all lanes, such as the flags `changed`.
         per_leaf = [columns.get(k) for k in range(len(changed))]
         valid = _checks.rows((scene, state, changed), [*per_leaf, *[None] * len(changed)])
         return unknown if valid is None else valid
@@ -364,8 +381,10 @@ def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():
+        # A user's function may refuse the value; the leaves that it varies are in `lanes.varied`.
         with suppress(ValueError):
             scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
+    # A leaf that an axis sets is another object than before, even if the numbers are equal.
     return jax.tree.map(
         lambda varies, new, base: varies or new is not base, lanes.varied, scene, lanes.scene
     )

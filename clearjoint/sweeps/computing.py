@@ -72,6 +72,7 @@ def compute_missing(
                 break
         return results
     finally:
+        # Also after an error or an interrupt, so that other programs find all stored lanes.
         store.write_grid()
 
 

@@ -95,6 +95,7 @@ def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, V
             shape = (output.count,)
             counted["count"] = Variable(dtype="int64", description="crossings recorded")
         else:
+            # Every lane saves at equally many times, which is checked when their tasks are made.
             shape = (len(output.at(scene)),)
     columns = {key: Variable(dims, shape, unit=unit) for key, unit in units.items()}
     return {variable_name(name, key): v for key, v in (counted | columns).items()}
@@ -123,10 +124,12 @@ def _states(
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
     """Return, as texts by name, the settings that a store compares.
 
-    The numbers of the lanes depend on them, so a sweep with other settings is another sweep. Other
-    settings, such as the solver, are recognised by the digests of the traced programs.
+    The numbers of the lanes depend on them, so a sweep with other settings is another sweep. They
+    include the start time, the kind of compiled program ("native", or XLA and its backend), and the
+    versions of clearjoint, JAX and diffrax. Other settings, such as the solver, are recognised by
+    the digests of the traced programs.
 
-    **Arguments:** `start_time`: s, start of all runs.
+    **Arguments:** `settings`: settings of the integration; `start_time`: s, start of all runs.
     """
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}

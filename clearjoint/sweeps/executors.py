@@ -78,8 +78,11 @@ def _with_fields(
 
     **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
     arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
-    defines `__init__`, for which a placeholder is set.
+    defines `__init__`.
     """
+    # These definitions are provisional: cloudpickle sets the class's own attributes afterwards. The
+    # defaults allow the fields to follow inherited ones that have defaults. With the placeholder,
+    # equinox does not generate an `__init__`.
     constructor, name, bases, namespace, *rest = arguments
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
@@ -182,6 +185,7 @@ def run_chunks(
                     on_done(chunk, future.result())
                     done += 1
     finally:
+        # Chunks are left here only after an interrupt or an error of `on_done`.
         for future in running:
             future.cancel()
     if failed:
@@ -202,7 +206,7 @@ class _Pool:
         remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
         expected = "a concurrent.futures.Executor or a dask.distributed.Client"
         require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
-        context = getattr(executor, "_mp_context", None)
+        context = getattr(executor, "_mp_context", None)  # only pools of processes have one
         survives = context is None or context.get_start_method() != "fork"
         expected = "a pool of processes that are not forked, since JAX's threads don't survive that"
         require(survives, "executor", executor, expected, remedy)

@@ -100,8 +100,9 @@ class Layout:
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
 
-    **Raises:** `ValueError` for names that occur twice or can't be those of arrays, a chunk without
-    lanes, no axes, and zipped axes of different lengths.
+    **Raises:** `ValueError` for names that occur twice or equal `BY_LANE`, names of variables that
+    can't be those of arrays, a `chunk` that is not a positive integer, no axes, and zipped axes of
+    different lengths.
     """
 
     axes: tuple[Coordinate, ...]
@@ -208,5 +209,6 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 
 def _netcdf_name(name: str) -> str:
-    """Return the name of an attribute with "_" for characters that netCDF forbids."""
+    """Return the name of an attribute in a form that netCDF allows: with "_" in place of slashes
+    and apostrophes, and without spaces at the end."""
     return name.translate({ord(c): "_" for c in "/'"}).rstrip()

@@ -32,11 +32,13 @@ class Saved:
 
     **Arguments:**
 
-    - `times`: (K,) s, rising; or a function of the lane's scene that returns K times for every
-      lane, such as one time in each revolution of a crank whose speed is swept.
+    - `times`: (K,) s, strictly rising; or a function of the lane's scene that returns K times for
+      every lane, such as one time in each revolution of a crank whose speed is swept. They are
+      checked when the sweep begins.
     - `channels`: the quantities to record: pairs (quantity, unit as text) by name.
 
-    **Raises:** `ValueError` for channels that are not such pairs.
+    **Raises:** `ValueError` if there are no channels, or if they are not such pairs; and for names
+    of channels that no array can have, "time" and "count".
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
     >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
@@ -62,7 +64,8 @@ class Saved:
 
         **Arguments:** `scene`: scene of the lane.
 
-        **Raises:** `ValueError` for times that are not finite or don't rise.
+        **Raises:** `ValueError` for times that are not a row of finite numbers, or that don't rise
+        strictly.
         """
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
         times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
@@ -79,8 +82,8 @@ class ImpactTable:
 
     For each contact, labelled by joint and contact such as "pin V", the table has the first `count`
     impacts: onset, separation, duration and peak time, s, entry and exit speed, m/s, peak force, N,
-    and largest penetration, m. It also has the number of recorded impacts. A contact with `count`
-    recorded impacts may have had more.
+    and largest penetration, m. Rows behind the recorded impacts are NaN. The table also has the
+    number of recorded impacts of each contact; a contact with `count` of them may have had more.
 
     Quantiles of the recorded impacts are exact:
 
@@ -98,7 +101,8 @@ class ImpactTable:
     - `joint`: name of the joint whose contacts are recorded; by default all joints.
     - `after`, `until`: s, the window of time of the onsets; by default the whole run.
 
-    **Raises:** `ValueError` for a count below 1, and for a window that ends before it begins.
+    **Raises:** `ValueError` for a count that is not a positive integer, and for a window that does
+    not end after its start.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
@@ -120,7 +124,7 @@ class ImpactTable:
         return None if window.is_whole else window
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has clearance joints, among them the joint of the table.
+        """Check that the scene has joints with contacts, among them the joint of the table.
 
         **Raises:** `ValueError` otherwise.
         """
@@ -184,8 +188,8 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
     Sections and outputs of `save` keep their names. If `save` has times, there is an output `SAVED`
     with the states of all bodies at these times.
 
-    **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, and for
-    a name in both `outputs` and `save`.
+    **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, for
+    names of outputs that no array can have, and for a name in both `outputs` and `save`.
     """
     require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")

@@ -84,7 +84,9 @@ def sweep(
 
     Each combination of values is a lane. Lanes run side by side, but each has its own time and step
     size, so its numbers are those of a single run and don't depend on the other lanes. A lane that
-    fails keeps its result code and the time it reached, and the other lanes continue.
+    fails keeps its result code and the time it reached, and the other lanes continue. A lane with a
+    value that a scene can't have is not run: its result code is that of `bad_parameters`, and its
+    outputs, final state and numbers of steps are NaN, or -1 for integers.
 
     **Arguments:**
 
@@ -109,14 +111,14 @@ def sweep(
       by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
       ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
       killed loses the running lanes and, of the finished ones, at most a chunk or those of the last
-      ten seconds.
+      ten seconds; on a slow disk it may lose more.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make them below ``if __name__ == "__main__":``. Dask serves for
       clusters (``pip install 'clearjoint[cluster]'``); it computes the chunks of a worker that dies
       on another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
-      to `configure`. Results don't depend on it.
+      to `configure`, or one for each core. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store and of the executor.
     - `progress`: whether to show a progress bar.
 
@@ -124,7 +126,11 @@ def sweep(
     settings as attributes.
 
     **Raises:** `ValueError` for unsupported arguments, and for a store that belongs to another
-    sweep; `ChunkError` if an executor fails.
+    sweep; `PermissionError` for lanes that are missing in a store which can't be written to;
+    `ChunkError` if an executor fails.
+
+    **Warns:** `UserWarning` with the number of failed lanes and the first error message, and
+    `LeftBearingWarning` if a journal has slid out of its bearing at the end of a lane.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -134,7 +140,7 @@ def sweep(
     """
     settings = settings_or(settings, presets.default)
     settings.require_double()
-    check_precision(False)
+    check_precision(False)  # `False`: single precision is not allowed
     scene, state = with_arrays((scene, state))
     outputs = with_saving({} if outputs is None else outputs, saving_or_nothing(save), scene)
     _check_axes(axes)
@@ -228,6 +234,7 @@ def _common_values(
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
+    # Crossings, saved times and peaks of impacts lie inside of steps.
     if recorded or tables:
         require_dense(scheme.method.solver)
     plan = Plan(
@@ -238,6 +245,8 @@ def _common_values(
         np.asarray(max_steps),
         {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
     )
+    # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
+    # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {
         name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
         for name, table in tables.items()
@@ -278,7 +287,7 @@ def _lane_tasks(
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     expected = f"finite and after start_time = {start_time}"
     require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")
-    check_span(start_time, float(ends.min()))
+    check_span(start_time, float(ends.min()))  # the shortest run must not be too short
     first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
     times = None
     if saved is not None:
@@ -308,6 +317,8 @@ def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
     """Warn of lanes at whose end a journal has slid out of its bearing."""
+    # The final states of all lanes, as arrays (lanes, bodies, components). They are NaN for lanes
+    # that were not run, which the comparison with zero leaves out.
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
     bodies = {

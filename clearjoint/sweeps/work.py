@@ -54,7 +54,8 @@ class Work:
         - `on_progress`: function that is called several times a second with the progress of the
           running lanes.
 
-        **Returns:** the batch of lanes, which tells the number of turns that its loops have taken.
+        **Returns:** the `Batch` that has run the lanes. Its attribute `turns` counts the iterations
+        of the compiled loops, in each of which every running lane tries a step.
         """
         # Lanes with invalid parameters get a result code at once, and pending entries otherwise.
         bad = np.array([lane for lane in lanes if lane in self.bad], int)

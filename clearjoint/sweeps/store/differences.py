@@ -114,6 +114,8 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
     **Arguments:** `kept`: as in `differences`.
     """
     values = {axis.name: axis.values for axis in wanted.axes}
+    # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
+    # compared parts, already has one.
     for name, old, _ in stored.axes:
         gone = old[~np.isin(old, values.get(name, old))]
         if gone.size:

@@ -166,6 +166,7 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
         f"a store of format {_VERSION}, not {version} as written by other versions of clearjoint",
         "read it with xarray.open_zarr, and sweep into another path",
     )
+    # The digest covers all metadata but itself, so it is taken out of `root` before the comparison.
     if attrs.pop(_DIGEST, None) != _digest(root):
         raise ValueError(
             f"The store {path} can't be read, because {file} is damaged: restore that file from a "

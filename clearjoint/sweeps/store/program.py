@@ -1,8 +1,8 @@
 """Digests by which a store recognises its sweep: those of its programs and of its lanes' numbers.
 
 A run is determined by its program and by the numbers from which it starts. A store therefore
-compares digests of both. It does not compare source texts, names or axes: a sweep over other axes
-that reaches the same numbers finds its stored lanes.
+compares digests of both instead of source texts or names of functions. A sweep with further axes
+finds the stored lanes that start from the same numbers as some of its own.
 
 Programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
 program, and the numbers of solver, controller and outputs are constants.
@@ -141,7 +141,12 @@ def programs(
     def read(
         numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return for each variable all values that its output computes at the end of a step."""
+        """Return for each variable all values that its output computes at the end of a step, so
+        that its digest depends on all of the output's code.
+
+        `row` and `inside` are those of `instant`; `tallies` has the structure that `tallies_of`
+        returns.
+        """
         now, computed = instant(numbers, row, inside), {}
         for name, reduction in plan.reductions.items():
             tally = tallies[name]

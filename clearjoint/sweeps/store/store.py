@@ -95,8 +95,9 @@ class SweepStore:
         **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
         digests of its programs and lanes.
 
-        **Raises:** `ValueError` if there is something other than a store at the path, or if the
-        stored sweep has other settings, or lanes or variables that the requested sweep lacks.
+        **Raises:** `ValueError` if there is something other than a store at the path, if the store
+        is of another version or its metadata are damaged, or if the stored sweep has other settings
+        or programs, or lanes or variables that the requested sweep lacks.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -228,7 +229,8 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
     was killed, it may show lanes of the last minute as pending.
 
-    **Raises:** `ValueError` if there is no sweep's store at the path.
+    **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
+    version or its metadata are damaged.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
