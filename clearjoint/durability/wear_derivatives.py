@@ -8,12 +8,12 @@ their depths.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..fields.conversion import on_device
 from ..fields.declarations import quantity
@@ -53,7 +53,7 @@ class MovingSpline(AbstractPeriodicSpline):
     directions: Column = quantity("m", table=True)
     shifts: Column = quantity("1", table=True)
 
-    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
+    def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients around a knot, (..., 4) m, that the shifts have moved."""
         found, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):

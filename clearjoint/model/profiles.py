@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ..fields.checks import (
     as_shown,
@@ -188,7 +188,7 @@ class AbstractPeriodicSpline(AbstractProfile):
         return Deviation(value, slope * per_knot, bend * per_knot**2)
 
     @abc.abstractmethod
-    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
+    def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)
         m; `knot`: index, or array of indices, of the knot before an angle."""
 
@@ -229,7 +229,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
             return PeriodicSpline(values)  # raises an error
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
 
-    def coefficients_around(self, knot: Int[Any, "..."]) -> jax.Array:
+    def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)
         m."""
         return periodic(on_device(self.coefficients), knot)
@@ -239,7 +239,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
         return np.shape(self.coefficients)[0]
 
 
-def periodic(row: jax.Array, knot: Int[Any, "..."]) -> jax.Array:
+def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
     """Return four entries of a periodic row, (..., 4), from the one before the index `knot` on."""
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,

@@ -1,0 +1,1 @@
+"""How long a slider-crank's pin lives: profiles that wear, and derivatives of the life."""
