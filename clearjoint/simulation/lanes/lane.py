@@ -292,7 +292,9 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
     # Joint coordinates represent only motions that their joints allow. If the state is the same
-    # after conversion to coordinates and back, they represent it.
+    # after conversion to coordinates and back, they represent it. Orientations are enough: a state
+    # that satisfies all constraints is not represented if, for example, the axis of a joint is
+    # reversed, which changes an orientation by far more than `REPRESENTED`.
     chosen = System(scene, plan.scheme.formulation)
     for name, body in chosen.decode(chosen.encode(bodies)).items():
         fits = fits & (_apart(body.orientation, bodies[name].orientation) < REPRESENTED)

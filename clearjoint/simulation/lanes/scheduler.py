@@ -133,7 +133,8 @@ class Batch:
         the progress several times a second. Both are called in this thread.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended.
+        has received all lanes that had ended; also the error of a thread or a callback, after which
+        the other threads stop.
         """
         if not lanes:
             return
@@ -325,7 +326,8 @@ class _Shared:
     def running(self) -> Running:
         """Return the progress of the batch, with the estimated time left."""
         # Work is measured in runs: a running lane counts by the part of its time span that it has
-        # covered, and an ended lane counts as 1. The time left is extrapolated from that.
+        # covered, and an ended lane counts as 1. The time left is extrapolated from that. The
+        # dictionary is copied, because other threads change it.
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -449,6 +451,7 @@ class _Group:
         """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
+        # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
         if rows:
             np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])

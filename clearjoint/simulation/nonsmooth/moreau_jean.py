@@ -169,7 +169,8 @@ def _arrived(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds the bearing's clearance."""
+    """Return whether no penetration exceeds the bearing's clearance. Contacts without a bearing
+    have no such limit."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:

@@ -159,7 +159,8 @@ class Observation(eqx.Module, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the number of times, the first and the last time, and the names of
-        joints, bodies and energies."""
+        joints, bodies and energies; the fields as equinox shows them if times are unknown, as while
+        JAX traces, or if there are none."""
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -181,6 +182,9 @@ class Observation(eqx.Module, AbstractTabular):
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;
         - "energy_term" for `energy`.
+
+        Variables of elements that the scene lacks are left out. The attribute "comment" of the
+        reactions says whether they are unique.
 
         See `AbstractTabular` for the export to other formats.
         """
@@ -222,7 +226,8 @@ class Observation(eqx.Module, AbstractTabular):
         """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
 
         It is the mechanical plus the dissipated less the supplied energy, less the value of this
-        sum at the first time. It is zero for an exact solution of a run with the ledger.
+        sum at the first time. It is zero for an exact solution of a run with the ledger. Without
+        the ledger, it is the change of the mechanical energy.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)

@@ -31,7 +31,8 @@ from .solution import Solution, Trajectory
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Number of states for which one call of a compiled program computes results."""
+"""Number of states for which one call of a compiled program computes results. It is the same in all
+calls, so that one program serves any number of states."""
 
 
 def observe(
