@@ -39,7 +39,8 @@ class ImpactCount(AbstractWindowedReduction):
 
     A contact that exists at the start of the run does not count. An onset is found from the
     contacts at both ends of a step. A contact that begins and ends within one step is therefore not
-    counted; with a `landing_tolerance`, the default, steps end at onsets.
+    counted. Such contacts are rare where steps end at onsets, as they do with the default
+    `landing_tolerance` of `Settings`.
 
     **Arguments:**
 
@@ -47,8 +48,8 @@ class ImpactCount(AbstractWindowedReduction):
     - `after`, `until`: s, the window of time, by default the whole run; onsets outside of it do not
       count. The result is NaN if the run ended before the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later than
-    `after`.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> cj.ImpactCount("shoulder")
     ImpactCount(joint='shoulder')
@@ -161,8 +162,8 @@ class DissipatedEnergy(AbstractLossReduction):
     NaN if the run ended before the window. If neither is given, a run that continues the ledger of
     an earlier run includes the energy dissipated there.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later than
-    `after`.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
     >>> outputs["losses"].needs_ledger
@@ -201,8 +202,8 @@ class MeanPowerLost(AbstractLossReduction):
     the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
     if the run covers no part of the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later than
-    `after`.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
     >>> outputs["heating"].units()
@@ -264,8 +265,8 @@ class ArchardWear(AbstractWindowedReduction):
       run ended before the window.
 
     **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
-    a positive integer, if `after` or `until` is not a single number, or `until` is not later than
-    `after`.
+    a positive integer, if `after` or `until` is not a single number, or if `until` is not later
+    than `after`.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
