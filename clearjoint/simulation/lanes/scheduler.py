@@ -230,6 +230,8 @@ class _Programs:
         self.columns: dict[str, Callable[[], OnCells]] = {}
         self.blocks: dict[str, tuple[int, int]] = {}
         for name, length in batch.lengths.items():
+            # A block need not be longer than the log. It has at least one row, because `_log`
+            # divides by the number of its rows.
             self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
             record = jax.tree.map(lambda leaf: leaf[0], common.logs(lane)[name].rows)
             block = np.zeros(self.blocks[name])

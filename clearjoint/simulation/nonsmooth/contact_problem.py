@@ -118,8 +118,8 @@ def _touch(
         }
         return Row(0.0, pairs, 0.0)
 
-    # The normal points from the bearing's axis to the wall, so the second body (the journal) moves
-    # against it where the contact opens.
+    # The normal is the direction in which the second body penetrates the first, so that the contact
+    # opens in the opposite direction.
     normal = row(-contact.normal)
     # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
     # force along the normal.

@@ -103,7 +103,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         )
     # Each closed contact must open at least with its restitution times the approach velocity. An
     # aim is the opening velocity without impulses, less this smallest velocity. (`opening` is the
-    # opening velocity before the step, which is negative for an approach.)
+    # opening velocity before the step, which is negative for an approach.) The lists of velocities
+    # begin with one for each contact; those of the slip directions follow, and have no aims.
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)

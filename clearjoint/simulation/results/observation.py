@@ -65,9 +65,10 @@ class MotionMode(enum.IntEnum):
 class ContactObservation(eqx.Module):
     """One contact of a clearance joint at N times.
 
-    The joint connects a bearing on its first body and a journal on its second body. The bases of a
-    journal are its end circles, each of which is a contact. Equation numbers are those of Flores et
-    al. 2006.
+    The joint connects a bearing on its first body and a journal on its second body. In other
+    joints, such as a pin in a slot, these words stand for the surfaces of the first and the second
+    body. The bases of a journal are its end circles, each of which is a contact. Equation numbers
+    are those of Flores et al. 2006.
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
@@ -77,7 +78,8 @@ class ContactObservation(eqx.Module):
       bearing's axis, then the one along it; ``None`` for contacts that are not bases.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
-    - `normal`: (N, 3), unit vector from the bearing's axis to the contact, in global axes.
+    - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
+      penetrates the first; for a base of a journal, from the bearing's axis to the contact.
     - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of the two surfaces, in
       global coordinates.
     """

@@ -33,9 +33,10 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
-"""Largest difference between a driver's change over a step and the integral of its rate, as a
-multiple of the step's relative tolerance. It leaves room for the error of the quadrature. A driver
-is a constraint that prescribes a motion as a function of time."""
+"""Largest difference between a driver's change over a step and the integral of its rate, relative
+to the driver's speed in the step, as a multiple of the step's relative tolerance. It leaves room
+for the error of the quadrature. A driver is a constraint that prescribes a motion as a function of
+time."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed
 steps."""
