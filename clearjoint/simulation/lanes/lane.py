@@ -284,7 +284,8 @@ def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
     """Return whether a packed state satisfies the constraints of all ideal joints, and their time
-    derivatives, at a time t, s, and whether the coordinates of the run can represent it."""
+    derivatives, at a time t, s, and whether the coordinates of the run can represent it. The scene
+    is in scalar form."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)

@@ -359,6 +359,7 @@ class _Group:
         try:
             with _on_device(self._number):
                 programs = self._programs
+                # The functions are made here, because two threads must not call the same one.
                 self._columns = self._loop.columns(self._shared.batch.common)
                 self._begin, self._outcome = programs.begin(), programs.outcome()
                 self._read = {name: make() for name, make in programs.columns.items()}
@@ -366,6 +367,8 @@ class _Group:
                     self.turns += self._loop.width * self._loop.run(self._columns)
                     self._serve()
         except BaseException as error:
+            # Raised here, it would end the thread unnoticed. `_deliver` raises it in the thread of
+            # the caller.
             self.error = error
         self.ended = True
         self._shared.finished.set()
@@ -411,7 +414,8 @@ class _Group:
             if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
-        # The request counts from the rows that are recorded next.
+        # The lane counts the rows in its buffers, which are now empty. The request must therefore
+        # begin with the row that is recorded next.
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
@@ -573,6 +577,7 @@ class _Loops:
             structure,
             tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
         )
+        # The lock makes other threads wait for a loop that is being compiled.
         with self._lock:
             if key not in self._loops:
                 traced = begins_a_program(_lane_after_turn)

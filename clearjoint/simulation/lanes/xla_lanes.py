@@ -46,6 +46,9 @@ class XlaLaneLoop(AbstractLaneLoop):
       is false if the lane waits for Python.
     - `shared`, `own`, `state`: examples of the data of all lanes, the data of one lane, and the
       state of one lane, as PyTrees of arrays.
+
+    The attributes are those of `AbstractLaneLoop`: the number of lanes, `width`, and the places of
+    data, state and status of a lane in its column.
     """
 
     def __init__(

@@ -161,6 +161,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
     time = one_sided_time(system, stop, stop)
+    # A run that failed stays where it is, before `stop`.
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
         lambda variables: system.project_velocities(variables, time),

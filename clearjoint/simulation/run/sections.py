@@ -52,6 +52,7 @@ def check_channels(channels: Channels) -> None:
 
     fine = bool(channels) and all(map(is_pair, channels.values()))
     require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
+    # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
 
@@ -88,8 +89,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
       values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
       state instead.
     - `capacity`: number of rows of the buffer.
-    - `wanted`: number of rows after which no further crossing is recorded or counted, by default
-      `capacity`.
+    - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
+      until the buffer is emptied, by default `capacity`.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -114,10 +115,11 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
         rises = kept & (before < 0.0) & (after >= 0.0)
         if self.channels is None:
+            # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, before, after)
             time = row.t
         else:
-            # Most steps have no crossing: the root is searched for only in those that have.
+            # Most steps have no crossing: other runs search for the root only in those that have.
             row = jax.lax.cond(
                 rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
             )

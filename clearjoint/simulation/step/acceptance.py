@@ -157,6 +157,7 @@ def _controller_decision(
     def scaled(y: Variables) -> Variables:
         return with_relative_bristles(y, system.scene)
 
+    # Deflections of bristles are compared with those at full friction (see `magnitudes`).
     before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:
