@@ -40,7 +40,8 @@ class BoxProblem:
     n bounds of the impulses, N s, which may be infinite.
 
     A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
-    diagonal element that is zero, as of a contact without a normal, counts as 1.
+    diagonal element that is zero, as of a contact without a normal, counts as 1. All diagonal
+    elements are raised by `RELATIVE_SHIFT`.
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):

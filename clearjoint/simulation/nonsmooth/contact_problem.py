@@ -173,7 +173,8 @@ class ContactProblem:
         weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
 
         def free_response(direction: Speeds) -> Speeds:
-            """Return the change of the speeds by a unit impulse, with impulses of ideal joints."""
+            """Return the change of the speeds by a unit impulse along a contact's direction, and by
+            the impulses of ideal joints that it causes."""
             rates = mechanics.solved(direction)
             if not projected:
                 return rates

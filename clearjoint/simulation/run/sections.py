@@ -233,7 +233,7 @@ class Section:
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.
 
-        **Raises:** `ValueError` that begins with "crossing" or the name of the channel.
+        **Raises:** `ValueError` that begins with "crossing", or with "channel" and its name.
         """
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

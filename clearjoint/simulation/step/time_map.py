@@ -85,8 +85,8 @@ class WithinContact(AbstractTimeMap):
     **Arguments:**
 
     - `length`: length of the step, s.
-    - `start`, `end`: these square roots at the start and end of the step, s^0.5. Without a contact
-      both are 1, which makes time uniform.
+    - `start`, `end`: these square roots at the start and end of the step, s^0.5. Without a contact,
+      or if neither time is known, both are 1, which makes time uniform.
     """
 
     length: Scalar
