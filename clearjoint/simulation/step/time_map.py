@@ -110,8 +110,8 @@ class WithinContact(AbstractTimeMap):
           infinite if none is expected to end.
         """
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
-        # begins now, `since` may still be the time since the onset of an earlier contact, so
-        # `begins` overrides it.
+        # begins now, `since` is zero except for the error of the landing. The map then starts from
+        # exactly zero, and does not follow a predicted end, however near.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
