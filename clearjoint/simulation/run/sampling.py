@@ -211,6 +211,8 @@ def followed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
             """Return the quantities at the time, and no auxiliary result."""
+            # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
+            # repeated here, where it is differentiated.
             y = correct(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None

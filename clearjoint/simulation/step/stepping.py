@@ -243,7 +243,7 @@ def _accepted_state(
 ) -> Step:
     """Return the state after a trial step, for the case that the trial is accepted.
 
-    Of this `Step`, only variables, entry speeds, contacts and tangents are new.
+    Of this `Step`, only variables, entry speeds, contact gaps, second rates and tangents are new.
 
     Entry speeds are updated first, since they depend on the penetrations as the solver found them.
     Then the variables are corrected for discontinuities of forces at the end of the step. If the
