@@ -284,7 +284,8 @@ def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
     """Return whether a packed state satisfies the constraints of all ideal joints, and their time
-    derivatives, at a time t, s, and whether the coordinates of the run can represent it."""
+    derivatives, at a time t, s, and whether the coordinates of the run can represent it. The scene
+    is in scalar form."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
     fits: Condition = jnp.asarray(True)
@@ -292,7 +293,9 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
         fits = fits & (violation <= ACCEPTED_VIOLATION)
     # Joint coordinates represent only motions that their joints allow. If the state is the same
-    # after conversion to coordinates and back, they represent it.
+    # after conversion to coordinates and back, they represent it. Orientations are enough: a state
+    # that satisfies all constraints is not represented if, for example, the axis of a joint is
+    # reversed, which changes an orientation by far more than `REPRESENTED`.
     chosen = System(scene, plan.scheme.formulation)
     for name, body in chosen.decode(chosen.encode(bodies)).items():
         fits = fits & (_apart(body.orientation, bodies[name].orientation) < REPRESENTED)

@@ -133,7 +133,8 @@ class Batch:
         the progress several times a second. Both are called in this thread.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended.
+        has received all lanes that had ended; also the error of a thread or a callback, after which
+        the other threads stop.
         """
         if not lanes:
             return
@@ -229,6 +230,8 @@ class _Programs:
         self.columns: dict[str, Callable[[], OnCells]] = {}
         self.blocks: dict[str, tuple[int, int]] = {}
         for name, length in batch.lengths.items():
+            # A block need not be longer than the log. It has at least one row, because `_log`
+            # divides by the number of its rows.
             self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
             record = jax.tree.map(lambda leaf: leaf[0], common.logs(lane)[name].rows)
             block = np.zeros(self.blocks[name])
@@ -325,7 +328,8 @@ class _Shared:
     def running(self) -> Running:
         """Return the progress of the batch, with the estimated time left."""
         # Work is measured in runs: a running lane counts by the part of its time span that it has
-        # covered, and an ended lane counts as 1. The time left is extrapolated from that.
+        # covered, and an ended lane counts as 1. The time left is extrapolated from that. The
+        # dictionary is copied, because other threads change it.
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -355,6 +359,7 @@ class _Group:
         try:
             with _on_device(self._number):
                 programs = self._programs
+                # The functions are made here, because two threads must not call the same one.
                 self._columns = self._loop.columns(self._shared.batch.common)
                 self._begin, self._outcome = programs.begin(), programs.outcome()
                 self._read = {name: make() for name, make in programs.columns.items()}
@@ -362,6 +367,8 @@ class _Group:
                     self.turns += self._loop.width * self._loop.run(self._columns)
                     self._serve()
         except BaseException as error:
+            # Raised here, it would end the thread unnoticed. `_deliver` raises it in the thread of
+            # the caller.
             self.error = error
         self.ended = True
         self._shared.finished.set()
@@ -407,7 +414,8 @@ class _Group:
             if count := integers[counter, column]:
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
-        # The request counts from the rows that are recorded next.
+        # The lane counts the rows in its buffers, which are now empty. The request must therefore
+        # begin with the row that is recorded next.
         if taken:
             request, common = self._programs.request, self._shared.batch.common
             floats[request.window, column] = self._next_saves(slot)
@@ -449,6 +457,7 @@ class _Group:
         """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
+        # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
         if rows:
             np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
@@ -568,6 +577,7 @@ class _Loops:
             structure,
             tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
         )
+        # The lock makes other threads wait for a loop that is being compiled.
         with self._lock:
             if key not in self._loops:
                 traced = begins_a_program(_lane_after_turn)

@@ -24,7 +24,8 @@ ON_CPU, ON_ACCELERATOR = 64, 4096
 """Number of lanes that one program computes side by side. An accelerator has many more arithmetic
 units to occupy than a core of a CPU."""
 TURNS = 256
-"""Largest number of turns after which a loop returns to Python."""
+"""Number of turns after which a loop returns to Python at the latest, so that progress is shown and
+Ctrl-C is obeyed."""
 WAITING = 8
 """A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python. Returning
 later would leave more lanes idle, and returning earlier would copy the lanes more often."""
@@ -45,6 +46,9 @@ class XlaLaneLoop(AbstractLaneLoop):
       is false if the lane waits for Python.
     - `shared`, `own`, `state`: examples of the data of all lanes, the data of one lane, and the
       state of one lane, as PyTrees of arrays.
+
+    The attributes are those of `AbstractLaneLoop`: the number of lanes, `width`, and the places of
+    data, state and status of a lane in its column.
     """
 
     def __init__(
@@ -161,7 +165,7 @@ def _turns(
     """
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
-    # The loop ends by the number of turns or of waiting lanes; columns without a lane do not count.
+    # Columns without a lane must not count as waiting, because their contents are meaningless.
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
         waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
         return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())

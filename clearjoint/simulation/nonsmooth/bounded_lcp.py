@@ -26,7 +26,8 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""The iteration ends at this relative residual, or after `ITERATIONS` iterations."""
+"""The iteration ends at this relative residual, which is below the tolerance of the alternation in
+`.contact_problem`, or after `ITERATIONS` iterations, many more than usual problems take."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
@@ -39,7 +40,8 @@ class BoxProblem:
     n bounds of the impulses, N s, which may be infinite.
 
     A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
-    diagonal element that is zero, as of a contact without a normal, counts as 1.
+    diagonal element that is zero, as of a contact without a normal, counts as 1. All diagonal
+    elements are raised by `RELATIVE_SHIFT`.
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
@@ -59,7 +61,8 @@ class BoxProblem:
         **Arguments:** `start`: the n velocities q without impulses, m/s.
 
         **Returns:** n impulses x, N s, and the residual: the largest violation of a condition,
-        relative to the largest magnitude of q among rows that are not fixed.
+        relative to the largest magnitude of q among rows that are not fixed. A residual above
+        `TOLERANCE` means that the iteration did not converge.
         """
         scale = self._scale(start)
 
@@ -71,7 +74,8 @@ class BoxProblem:
             x = self._least_inside(self._swept(now[0], start), start)
             return x, self._residual(x, start) / scale, now[2] + 1
 
-        # Without impulses the residual is mostly zero already: no contact is closed.
+        # Begin with the impulses nearest to zero. Mostly no contact is closed. The residual of
+        # these impulses is then zero, and no iteration is made.
         nothing = [
             jnp.clip(0.0, lower, upper)
             for lower, upper in zip(self._lower, self._upper, strict=True)
@@ -108,7 +112,8 @@ class BoxProblem:
         rows.
 
         A row is free unless its impulse is at a bound and its velocity has the sign that the
-        conditions demand there.
+        conditions demand there. If a step ends where a row meets a bound, a further step follows
+        without this row.
 
         **Arguments:** `x`: impulses, N s; `start`: velocities without impulses, m/s.
         """
@@ -132,6 +137,8 @@ class BoxProblem:
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
             meets = [(one <= share) & (one < 1.0) for one in shares]
+            # A row that meets a bound gets exactly this bound, so that later comparisons with the
+            # bound do not depend on rounding.
             moved = [
                 jnp.where(
                     meet, jnp.where(d < 0.0, lower, upper), jnp.clip(a + share * d, lower, upper)
@@ -144,6 +151,7 @@ class BoxProblem:
                 jnp.logical_and(f, jnp.logical_not(meet))
                 for f, meet in zip(free, meets, strict=True)
             ]
+            # A step of full length reaches the minimum over the rows that are still free.
             return moved, left, share >= 1.0
 
         done = jnp.logical_not(reduce(jnp.logical_or, free))

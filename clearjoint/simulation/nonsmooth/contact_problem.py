@@ -36,7 +36,8 @@ from .bounded_lcp import BoxProblem, Impulses, largest
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
 """The alternation between normal and tangential impulses ends at this relative residual, or after
-`ALTERNATIONS` turns."""
+`ALTERNATIONS` turns, which bound the computing time of a problem that does not converge. Then the
+residual shows the failure."""
 FAST = 1e3
 """Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated. It is far
 above the speeds below which friction laws are regularised."""
@@ -51,7 +52,7 @@ class Alternation(NamedTuple):
 
     - `normal`, `tangential`: the impulses that the turn has found, N s.
     - `residual`: the largest violation of the contact conditions by these impulses, relative to the
-      largest velocity.
+      largest velocity that the impulses have to change.
     - `turns`: number of turns so far.
     - `tried`: tangential impulses with which the next turn begins, N s.
     - `change`: tangential impulses less those with which this turn began, N s.
@@ -117,6 +118,8 @@ def _touch(
         }
         return Row(0.0, pairs, 0.0)
 
+    # The normal is the direction in which the second body penetrates the first, so that the contact
+    # opens in the opposite direction.
     normal = row(-contact.normal)
     # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
     # force along the normal.
@@ -170,7 +173,8 @@ class ContactProblem:
         weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
 
         def free_response(direction: Speeds) -> Speeds:
-            """Return the change of the speeds by a unit impulse, with impulses of ideal joints."""
+            """Return the change of the speeds by a unit impulse along a contact's direction, and by
+            the impulses of ideal joints that it causes."""
             rates = mechanics.solved(direction)
             if not projected:
                 return rates
@@ -244,6 +248,7 @@ class ContactProblem:
         opening velocity without impulses, less the smallest one that is allowed.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
+        # An open contact is fixed to an impulse of zero by equal bounds.
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
         return BoxProblem(normal, [0.0] * self._count, upper).solve(aims)
 
@@ -253,8 +258,9 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows` in N s, and the relative
         residual.
 
-        The residual is the largest violation of the contact conditions, over the largest velocity
-        of a closed contact.
+        The residual is the largest violation of the contact conditions, relative to the largest
+        velocity that the impulses have to change. It is above `TOLERANCE` if the alternation did
+        not converge.
 
         **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
         the slip directions without impulses.

@@ -103,7 +103,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         )
     # Each closed contact must open at least with its restitution times the approach velocity. An
     # aim is the opening velocity without impulses, less this smallest velocity. (`opening` is the
-    # opening velocity before the step, which is negative for an approach.)
+    # opening velocity before the step, which is negative for an approach.) The lists of velocities
+    # begin with one for each contact; those of the slip directions follow, and have no aims.
     problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
     before = problem.velocities(rigid.system.mechanics(middle).motions)
     unloaded = problem.velocities(mechanics.motions)
@@ -169,7 +170,8 @@ def _arrived(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds the bearing's clearance."""
+    """Return whether no penetration exceeds the bearing's clearance. Contacts without a bearing
+    have no such limit."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:

@@ -34,8 +34,9 @@ from .restitution import restitutions
 DRIVER_TOLERANCE = 1e-5
 """Largest difference between the change of a driver's value (a prescribed motion) over a step and
 the integral of its rate, and between the change of its rate and the integral of its second rate.
-Both are relative to the driver's speed in the step. A larger difference means that the driver has a
-kink or jump inside the step, which the step does not follow."""
+Both are relative to the driver's speed in the step. For a smooth driver, the integrals have far
+smaller errors. A larger difference means that the driver has a kink or jump inside the step, which
+the step does not follow."""
 
 
 class RigidRun(eqx.Module):
@@ -100,7 +101,7 @@ def run(
     - `folded_scene`: the scene, whose exact zeros and ones are compiled as constants.
     - `formulation`: coordinates, stabilisation and linear solver of the equations of motion.
     - `state`: the initial state, whose vectors are arrays (3,).
-    - `stops`: (S,) s, rising: the start, the times to save at, and the end.
+    - `stops`: (S,) s, not decreasing: the start, the times to save at, and the end.
     - `longest`: s, length of the longest step.
     - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
       the contact laws.
@@ -131,7 +132,7 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the times at which steps must end, s: stops and breakpoints together, rising.
+    """Return the times at which steps must end, s: stops and breakpoints together, sorted.
 
     **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
     indices are ``None`` if there are no breakpoints.
@@ -139,6 +140,7 @@ def _with_breakpoints(
     elements = jax.tree.leaves(breakpoints(scene))
     if not elements:
         return stops, None
+    # A breakpoint outside of the run is moved to its start or end, where it adds no step.
     inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
     # A stop that is a breakpoint too is there twice. The last of equal times is the stop's row, as
     # the velocities behind the breakpoint hold from there on.
@@ -159,6 +161,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
     time = one_sided_time(system, stop, stop)
+    # A run that failed stays where it is, before `stop`.
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
         lambda variables: system.project_velocities(variables, time),
@@ -170,7 +173,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
-    all in s."""
+    all in s. A run stays as it is from the first step on that fails."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -219,6 +222,8 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
     good = finite & end.solved & end.shallow
+    # Drivers enter the equations by their second derivatives, at single times of a step only.
+    # Without this check, a kink or jump between these times would pass unnoticed.
     smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
     if smooth is not None:
         result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)

@@ -61,7 +61,8 @@ def simulate_nonsmooth(
     driver makes velocities jump, the change of the velocities is the one of least kinetic energy,
     as in `simulate`.
 
-    The function works under `jax.vmap`, `jax.jit` and `jax.jvp`, and then raises no error. But
+    The function works under `jax.vmap`, `jax.jit` and `jax.jvp`. It then raises no error for a
+    traced number outside its range: the run ends before its first step with `RESULTS.domain`. But
     derivatives across impacts are not derivatives of the motion, since the step in which an impact
     happens does not change with the parameters.
 
@@ -83,8 +84,12 @@ def simulate_nonsmooth(
 
     **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
     restitution that it delivers; `SimulationError` for a run that fails, because the contact
-    problem of a step was not solved, a penetration exceeds the bearing's clearance, or the state is
-    not finite.
+    problem of a step was not solved, a penetration exceeds the bearing's clearance, a driver has an
+    undeclared kink or jump inside a step, or the state is not finite.
+
+    **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
+    in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall
+    of its bearing.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -137,7 +142,7 @@ def simulate_nonsmooth(
 def _stops(
     start_time: Scalar, times: ArrayLike | None, end_time: Scalar
 ) -> Float[jax.Array, " stops"]:
-    """Return the start, the times to save at and the end in one array, s."""
+    """Return the start, the times to save at, if any, and the end in one array, s."""
     between = jnp.asarray([] if times is None else times)
     return jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
 
@@ -152,7 +157,8 @@ def _solution(
     """Return the solution of a run, with the states at the inner stops as saved states.
 
     **Arguments:** `run`: the result of the compiled program; `stops`: (S,) s, the start, the times
-    to save at, and the end; `saves`: whether times to save at were given.
+    to save at, and the end; `saves`: whether times to save at were given; `formulation`,
+    `redundant_constraints`: stored in the solution.
     """
     saved, history, count = None, None, None
     if saves:

@@ -38,7 +38,9 @@ class ImpactCount(AbstractWindowedReduction):
     """Number of impacts of a joint: the onsets of all of its contacts together.
 
     A contact that exists at the start of the run does not count. An onset is found from the
-    contacts at both ends of a step.
+    contacts at both ends of a step. A contact that begins and ends within one step is therefore not
+    counted. Such contacts are rare where steps end at onsets, as they do with the default
+    `landing_tolerance` of `Settings`.
 
     **Arguments:**
 
@@ -46,7 +48,8 @@ class ImpactCount(AbstractWindowedReduction):
     - `after`, `until`: s, the window of time, by default the whole run; onsets outside of it do not
       count. The result is NaN if the run ended before the window.
 
-    **Raises:** `ValueError` for a window that does not end after its start.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> cj.ImpactCount("shoulder")
     ImpactCount(joint='shoulder')
@@ -84,7 +87,9 @@ class ImpactCount(AbstractWindowedReduction):
         """Return the time, s, at which a contact with a `label` began in the step from the time
         `before`, s, to the instant `now`.
 
-        The penetration at the end of the step, over its rate there, is the time since the onset.
+        To first order, the penetration at the end of the step, over its rate there, is the time
+        since the onset. If the contact separates again at the end of the step, this end is returned
+        instead. The result is never before the start of the step.
         """
         gap = now.contact_gaps[self.joint][label]
         since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
@@ -103,9 +108,10 @@ class LossTally(NamedTuple):
     """Tally of a reduction of losses, the data that it carries from step to step.
 
     - `begin`, `time`: s, the start of the run, and the end of the latest step.
-    - `at_begin`: J, energy dissipated from the start of the run up to the start of the window, or
-      up to `time` as long as the run has not reached the window.
-    - `at_end`: J, the same for the end of the window.
+    - `at_begin`: J, energy that the ledger has counted as dissipated up to the start of the window,
+      or up to `time` as long as the run has not reached the window. If the run starts inside the
+      window, it is the energy at the start of the run.
+    - `at_end`: J, the same up to the end of the window.
     """
 
     begin: Scalar
@@ -124,8 +130,8 @@ class AbstractLossReduction(AbstractWindowedReduction):
     needs_ledger = True
 
     def start(self, now: Instant) -> LossTally:
-        """Return the tally at the start of the run, with the energy that counts as dissipated then:
-        zero less the energy in bristles."""
+        """Return the tally at the start of the run, with the energy that counts as dissipated then.
+        It is zero, unless the run continues the ledger of an earlier run."""
         lost = _lost(now)
         return LossTally(now.time, now.time, lost, lost)
 
@@ -153,9 +159,11 @@ class DissipatedEnergy(AbstractLossReduction):
     It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The result is
-    NaN if the run ended before the window.
+    NaN if the run ended before the window. If neither is given, a run that continues the ledger of
+    an earlier run includes the energy dissipated there.
 
-    **Raises:** `ValueError` for a window that does not end after its start.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
     >>> outputs["losses"].needs_ledger
@@ -174,8 +182,8 @@ class DissipatedEnergy(AbstractLossReduction):
         return None if tally is None else super().update(tally, now)
 
     def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
-        """Return the energy, J, dissipated in the window or, without a window, since the start of
-        the run. Energy that bristles have stored is not counted."""
+        """Return the energy, J, dissipated in the window or, without a window, since the ledger was
+        zero. Energy that bristles have stored is not counted."""
         if tally is None:
             return {"": _lost(now)}
         return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
@@ -192,9 +200,10 @@ class MeanPowerLost(AbstractLossReduction):
 
     **Arguments:** `after`, `until`: s, the window of time of the mean, by default the whole run. If
     the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
-    if the run ended before the window.
+    if the run covers no part of the window.
 
-    **Raises:** `ValueError` for a window that does not end after its start.
+    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
+    than `after`.
 
     >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
     >>> outputs["heating"].units()
@@ -202,8 +211,8 @@ class MeanPowerLost(AbstractLossReduction):
     """
 
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
-        """Return the mean power, W, over the part of the window that the run reached; NaN if the
-        run ended before the window."""
+        """Return the mean power, W, over the part of the window that the run covers; NaN if there
+        is no such part."""
         window = self._window()
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
         reached = duration > 0.0
@@ -216,8 +225,8 @@ class MeanPowerLost(AbstractLossReduction):
 
 
 def _lost(now: Instant) -> Scalar:
-    """Return the energy dissipated in joints from the start of the run up to an instant, J, without
-    the energy that bristles have stored."""
+    """Return the energy, J, that the ledger has counted as dissipated in joints up to an instant,
+    without the energy that bristles have stored."""
     lost: Scalar = 0.0
     for name in LOSSES:
         lost = add(lost, now.work.get(name, 0.0))
@@ -255,8 +264,9 @@ class ArchardWear(AbstractWindowedReduction):
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
       run ended before the window.
 
-    **Raises:** `ValueError` for a number outside of its range, and for a window that does not end
-    after its start.
+    **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
+    a positive integer, if `after` or `until` is not a single number, or if `until` is not later
+    than `after`.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
@@ -348,13 +358,14 @@ class ArchardWear(AbstractWindowedReduction):
         """Return the rate of wear of each sector of one base at an instant, m^3/s.
 
         Only one sector wears: the one in the direction from the bearing's axis to the base's
-        centre, in which the base touches the wall.
+        centre, in which the base touches the wall. Without contact all rates are zero.
         """
         joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
         assert isinstance(joint, HasJournal)
         speed = sliding_speed(now, self.joint, base)
         rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
         offset = joint.journal_offset(now.motions, base)
+        # The angle about the axis, in turns, of which the whole turns are dropped.
         turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
         sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
         # Rounding may make the fraction of a turn exactly 1.

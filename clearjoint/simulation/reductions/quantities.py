@@ -30,6 +30,9 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, start and end of the window, by default those of the run.
+
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
+    number, or if `until` is not later than `after`.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -76,10 +79,11 @@ class Peak(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `after`, `until`: s, the window of time, by default the whole run. If a step crosses an edge
-      of the window, only its part inside counts. Both results are NaN if the run ended before the
-      window.
+      of the window, only its part inside counts. Both results are NaN if the run covers no part of
+      the window.
 
-    **Raises:** `ValueError` for a window that does not end after its start.
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
+    number, or if `until` is not later than `after`.
 
     >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     >>> peak.units()
@@ -111,7 +115,9 @@ class Peak(AbstractQuantityReduction):
             a, b = window.fractions(tally.now, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
-        # Positions are fractions of the step, so the value before this step has a negative one.
+        # Positions are fractions of the step, so the value before this step has a negative one. The
+        # search is made even if no part of the step is in the window, because lanes side by side
+        # cannot branch; its result is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
         time = tally.now + peak.x * length
         rises = peak.value > tally.highest
@@ -127,8 +133,8 @@ class Peak(AbstractQuantityReduction):
         )
 
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """Return the largest value, "", and its time, "time", s; NaN if the run ended before the
-        window."""
+        """Return the largest value, "", and its time, "time", s; NaN if the run covers no part of
+        the window."""
         del now
         results = {"": tally.highest, "time": tally.time}
         if self._window().is_whole:
@@ -157,9 +163,10 @@ class Statistics(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
-      run ended before the window.
+      run covers no part of the window.
 
-    **Raises:** `ValueError` for a window that does not end after its start.
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
+    number, or if `until` is not later than `after`.
 
     >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
     >>> list(speed.units())
@@ -181,6 +188,8 @@ class Statistics(AbstractQuantityReduction):
         integrals, and compared with the extremes."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, self._value(now)
+        # Between t0 and t1 the parabola's position is 0 to 1. A rejected attempt has t1 = t0; its
+        # tally is computed too, and discarded.
         arc = Parabola.through(u, self._value(now.middle), v)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
         a, b = self._window().fractions(t0, t1)
@@ -201,7 +210,7 @@ class Statistics(AbstractQuantityReduction):
 
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
         """Return "mean", "rms", "smallest" and "largest" over the part of the window that the run
-        reached; NaN if the run ended before the window."""
+        reached; NaN if there is no such part."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -226,12 +235,12 @@ and the part of that duration for which the quantity was below each edge, s, (K,
 class Quantiles(AbstractQuantityReduction):
     """Quantiles of a quantity over time: values below which it stays for given parts of the time.
 
-    Each result is named after its level, such as "0.5" for the median, and has the unit of the
-    quantity. In each step the quantity is approximated by the parabola through both ends and the
-    middle. The time for which the quantity is below each of the `edges` is added up; between two
-    edges, the quantile is interpolated. Its error is less than the distance of these edges. A
-    quantile below the first edge or above the last edge is NaN: widen the edges. Memory does not
-    grow with the number of steps.
+    Each result is named after its level in six digits, such as "0.5" for the median, and has the
+    unit of the quantity. In each step the quantity is approximated by the parabola through both
+    ends and the middle. The time for which the quantity is below each of the `edges` is added up;
+    between two edges, the quantile is interpolated. Its error is less than the distance of these
+    edges. A quantile below the first edge or above the last edge is NaN: widen the edges. Memory
+    does not grow with the number of steps.
 
     For quantiles over impacts instead of over time, use `ImpactTable`, whose quantiles are exact.
 
@@ -251,10 +260,11 @@ class Quantiles(AbstractQuantityReduction):
       K.
     - `levels`: parts of the time, between 0 and 1, one for each quantile.
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
-      run ended before the window.
+      run covers no part of the window.
 
-    **Raises:** `ValueError` for edges that do not increase, for levels outside 0 to 1, and for a
-    window that does not end after its start.
+    **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
+    if there is no level, or one that is not above 0 and below 1; if `quantity` is not a function,
+    if `after` or `until` is not a single number, or if `until` is not later than `after`.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
@@ -287,7 +297,7 @@ class Quantiles(AbstractQuantityReduction):
 
     def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:
         """Return the quantile of each level by name, such as "0.95"; NaN if the quantile is outside
-        of the edges, or if the run ended before the window."""
+        of the edges, or if the run covers no part of the window."""
         del now
         _, duration, below = tally
         edges, last = jnp.asarray(self.edges), len(self.edges) - 1

@@ -38,9 +38,10 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     The result contains the ends of all steps, and equidistant times inside each step in which a
     body moves along a curve or rotates.
 
-    **Arguments:** `times`: (N,) s, the ends of the steps; `states`: the N states at these times.
+    **Arguments:** `times`: (N,) s, not decreasing, the ends of the steps; `states`: the N states at
+    these times.
 
-    **Returns:** (M,) s, rising.
+    **Returns:** (M,) s, not decreasing.
     """
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
@@ -71,15 +72,22 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     integrals of the energy ledger (energies dissipated and supplied) are interpolated linearly.
     Entry speeds of contacts keep their values at the start of the step up to its end.
 
-    **Arguments:** `times`: (N,) s, rising, N ≥ 2, the ends of the steps; `states`: the N states at
-    these times; `wanted`: (M,) s, between the first and the last of `times`.
+    **Arguments:** `times`: (N,) s, not decreasing, N ≥ 2, the ends of the steps; `states`: the N
+    states at these times; `wanted`: (M,) s, not decreasing, between the first and the last of
+    `times`.
+
+    If a time occurs several times in `times`, the last state there counts; if it is the last time
+    of all, the last but one.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
-    **Raises:** `ValueError` for times outside this range, or times that decrease.
+    **Raises:** `ValueError` if `wanted` is empty, decreases, or has times that are not finite or
+    outside this range.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
-    # Of several rows with the same time, the last one counts.
+    # The step of a wanted time begins at the last row whose time is not later. The last row of all
+    # begins no step: there, `left` is the start of the last step, and x is 1, or 0 if the last time
+    # is repeated, so that this step has no length.
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
     h = (times[left + 1] - times[left])[:, None]
     x = (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0)

@@ -125,7 +125,8 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
 
     **Returns:** one sentence for each exceeded limit, with the joint, the contact, the law, the
-    limit and the largest penetration; an empty list if all contacts stayed within the ranges.
+    limit and the largest penetration; an empty list if all contacts in the table stayed within the
+    ranges.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))

@@ -68,8 +68,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
       times; ``None`` if no times were requested.
-    - `saved_count`: number of requested times that the run reached. Later rows of `saved` and
-      `history` repeat the last state.
+    - `saved_count`: number of requested times that the run reached; ``None`` if no times were
+      requested. Later rows of `saved` and `history` repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
       pulling impulse, Coulomb's law) in a step, relative to the largest contact velocity of that
@@ -119,7 +119,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
         States have the variables and units of `Trajectory.to_xarray`. The fields of `ContactTotals`
         are variables along "time" and "rigid_contact", with labels such as "pin V". Only times that
-        the run reached are included.
+        the run reached are included. The attributes are a title, the result, the time reached in s,
+        and the number of steps.
 
         **Raises:** `ValueError` if no states were saved.
         """

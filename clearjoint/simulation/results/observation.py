@@ -65,9 +65,10 @@ class MotionMode(enum.IntEnum):
 class ContactObservation(eqx.Module):
     """One contact of a clearance joint at N times.
 
-    The joint connects a bearing on its first body and a journal on its second body. The bases of a
-    journal are its end circles, each of which is a contact. Equation numbers are those of Flores et
-    al. 2006.
+    The joint connects a bearing on its first body and a journal on its second body. In other
+    joints, such as a pin in a slot, these words stand for the surfaces of the first and the second
+    body. The bases of a journal are its end circles, each of which is a contact. Equation numbers
+    are those of Flores et al. 2006.
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
@@ -77,7 +78,8 @@ class ContactObservation(eqx.Module):
       bearing's axis, then the one along it; ``None`` for contacts that are not bases.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
-    - `normal`: (N, 3), unit vector from the bearing's axis to the contact, in global axes.
+    - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
+      penetrates the first; for a base of a journal, from the bearing's axis to the contact.
     - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of the two surfaces, in
       global coordinates.
     """
@@ -159,7 +161,8 @@ class Observation(eqx.Module, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the number of times, the first and the last time, and the names of
-        joints, bodies and energies."""
+        joints, bodies and energies; the fields as equinox shows them if times are unknown, as while
+        JAX traces, or if there are none."""
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -181,6 +184,9 @@ class Observation(eqx.Module, AbstractTabular):
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;
         - "energy_term" for `energy`.
+
+        Variables of elements that the scene lacks are left out. The attribute "comment" of the
+        reactions says whether they are unique.
 
         See `AbstractTabular` for the export to other formats.
         """
@@ -222,7 +228,8 @@ class Observation(eqx.Module, AbstractTabular):
         """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
 
         It is the mechanical plus the dissipated less the supplied energy, less the value of this
-        sum at the first time. It is zero for an exact solution of a run with the ledger.
+        sum at the first time. It is zero for an exact solution of a run with the ledger. Without
+        the ledger, it is the change of the mechanical energy.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)

@@ -31,7 +31,8 @@ from .solution import Solution, Trajectory
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Number of states for which one call of a compiled program computes results."""
+"""Number of states for which one call of a compiled program computes results. It is the same in all
+calls, so that one program serves any number of states."""
 
 
 def observe(
@@ -191,6 +192,7 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
             contact = force.contact
             eccentricity = offset = None
             if isinstance(joint, HasJournal) and label in BASES:
+                # In the frame of the bearing z is along the axis, so x and y are the eccentricity.
                 across = joint.journal_offset(dynamics.motions, label)
                 eccentricity = norm_and_direction(Vector(across.x, across.y, 0.0))[0]
                 offset = pack(across)

@@ -68,8 +68,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         **Returns:** a `Trajectory` of M times and states.
 
-        **Raises:** `ValueError` for times outside this range, and for a trajectory of fewer than
-        two states.
+        **Raises:** `ValueError` if `times` is empty, decreases, or has times outside this range,
+        and for a trajectory of fewer than two states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -84,7 +84,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return Trajectory(wanted, states_between(ends, states, wanted))
 
     def __str__(self) -> str:
-        """Return one line with the number of states, the bodies, and the first and last time."""
+        """Return one line with the number of states, the bodies, and the first and last time; the
+        result of `repr` if these are unknown, as while JAX traces, or if there are no states."""
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
             return repr(self)
         bodies = ", ".join(map(repr, self.states.bodies))
@@ -228,7 +229,8 @@ class Solution(AbstractReadable, AbstractTabular):
 
         The final state is in further variables without "time": `final_position`,
         `final_orientation`, `final_velocity`, `final_spin` and so on. The attributes of the dataset
-        are the result, the time reached in s, the numbers of steps, and the settings.
+        are a title, the result, the time reached in s, the numbers of steps, the names of redundant
+        constraints, and the settings.
 
         ```python
         import clearjoint as cj

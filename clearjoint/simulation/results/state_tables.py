@@ -82,7 +82,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 def state_labels(states: State) -> dict[str, Labelled]:
     """Return the labels along each dimension of the arrays of `state_arrays`, by name of the
-    dimension: names of bodies, labels of contacts, "x", "y", "z" and so on."""
+    dimension: names of bodies, labels of contacts, "x", "y", "z" and so on. A dimension without
+    labels, such as that of contacts in a scene without contacts, is left out."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]

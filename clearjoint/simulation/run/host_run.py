@@ -88,6 +88,7 @@ class Run:
             (now.step.attempts, now.step.accepted),
             (self.scheme.formulation, self.redundant),
         )
+        # Neither steps nor impacts are kept: both are `None`.
         return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
 
     def on_host(
@@ -243,7 +244,8 @@ class _SaveTimes:
 
     def take(self, saved: SavedStates | None) -> None:
         """Keep those states of a segment that belong to requested times and that the run has
-        reached."""
+        reached. The others belong to times that fill up the chunk, or are computed again in the
+        next segment."""
         if saved is None or self._times is None:
             return
         left = len(self._times) - self.count

@@ -111,7 +111,8 @@ class OpenContact(eqx.Module):
         )
         begins = touches & jnp.logical_not(touched)
         # The peaks of a contact that began in this step are minus infinity, so that its first whole
-        # step, the next one, sets them.
+        # step, the next one, sets them. Mostly steps end at onsets, and hardly any part of the
+        # contact is in this step.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
         fresh = ImpactRow(
             t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing

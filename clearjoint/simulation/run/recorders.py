@@ -33,8 +33,9 @@ class RowBuffer(eqx.Module, Generic[R]):
     is a PyTree of numbers.
 
     - `rows`: a PyTree with the structure of a row, whose leaves have an additional first axis of
-      rows.
-    - `count`: number of rows written so far, including rows for which there was no room.
+      rows. It is longer by one than the buffer has room for; the last row is never read.
+    - `count`: number of rows written since the buffer was empty, including rows for which there was
+      no room.
     """
 
     rows: R

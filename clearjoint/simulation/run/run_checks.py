@@ -190,6 +190,8 @@ def _passes(
     # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
     # inside of its wrapper is called.
     depths = contact_depths.__wrapped__(scene, state.bodies)
+    # Beyond the limit, `require_in_bearings` raises an error, and beyond `FAR_OUTSIDE` times the
+    # limit it issues a warning. This function can do neither, so a start must satisfy both bounds.
     holds += [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()

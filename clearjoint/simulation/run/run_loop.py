@@ -180,8 +180,9 @@ class RunLoop:
         """Return the run after further steps, of which the last one ends at or after the time
         `stop`, s. A run that is past this time stays unchanged.
 
-        The steps end earlier at a failure, after `attempts` attempts since the start of the run,
-        and if the function `goes`, called with the run before each attempt, returns false.
+        The steps end earlier at a failure, at the end of the run `t_end`, after `attempts` attempts
+        since the start of the run, and if the function `goes`, called with the run before each
+        attempt, returns false.
         """
 
         def continues(now: Progress) -> Condition:

@@ -80,7 +80,7 @@ class Sampled(eqx.Module):
     - `states`: the state at each time, whose leaves have an additional first axis of length N;
       ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, by name of the section.
+    - `sections`: the records of crossings, by name of the section, with times of the scene.
     """
 
     values: dict[str, Numbers]
@@ -211,6 +211,8 @@ def followed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
             """Return the quantities at the time, and no auxiliary result."""
+            # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
+            # repeated here, where it is differentiated.
             y = correct(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
@@ -262,7 +264,8 @@ def _scanned(
     `run`: the run before the first row; `rows`: a PyTree of arrays (N,).
     """
     # In each iteration, XLA copies all outputs that the loop has written so far. With 4096 rows,
-    # one loop took ten times as long as the run.
+    # one loop took ten times as long as the run. Numbers of rows from `padded` are multiples of
+    # `FEW_TIMES`; for others, a single loop is used.
     count = len(jax.tree.leaves(rows)[0])
     if count <= FEW_TIMES or count % FEW_TIMES != 0:
         return jax.lax.scan(sample, run, rows)
@@ -294,7 +297,8 @@ def recorded_run(
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
-    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`)."""
+    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`). At least one copy is
+    appended, so that the run reaches its end even if the last of the times is earlier."""
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

@@ -35,7 +35,10 @@ class Saving:
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
       results are in `solution.outputs`.
 
-    **Raises:** `ValueError` for times that do not rise strictly, and for fields of other types.
+    **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an empty
+    array of times, and for fields of other types; for a name of a section or an output that is not
+    a non-empty string, contains a slash or backslash, or begins with "." or "__", since names
+    become those of arrays in files.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -52,7 +55,7 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
-            # `check_rising` allows repeated times, which are of no use here.
+            # `check_rising` allows repeated times, whose states would be the same.
             steps = np.diff(check_rising(self.times, "times"))
             remedy = "remove repeated times, for example with numpy.unique"
             require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
@@ -88,7 +91,10 @@ class Saving:
         """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
         there are none.
 
-        **Raises:** `ValueError` for times before `start_time` or after `end_time`, s.
+        Values that JAX traces are not checked.
+
+        **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
+        rounding errors.
         """
         if self.times is None:
             return None

@@ -35,9 +35,11 @@ PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 def check_channels(channels: Channels) -> None:
     """Check that channels are pairs of a quantity and a unit, and that their names are valid.
 
-    A name must be usable as the name of an array, and differ from "time" and "count".
+    A name becomes the name of an array in results and files.
 
-    **Raises:** `ValueError` if not, and for an empty mapping.
+    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not a
+    tuple of a function and a text; and for a name that is not a non-empty string, contains a slash
+    or backslash, begins with "." or "__", or is "time" or "count".
     """
     require_array_names("channels", channels, PASS_CHANNELS)
 
@@ -50,6 +52,7 @@ def check_channels(channels: Channels) -> None:
 
     fine = bool(channels) and all(map(is_pair, channels.values()))
     require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
+    # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
 
@@ -78,15 +81,16 @@ class SectionRecord(eqx.Module):
 class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
-    - `quantity`: function of an `Instant` that rises through zero at a crossing; its value is
-      called the level.
+    - `quantity`: function of an `Instant`; its value is called the level. A step contains a
+      crossing if the level is negative at its start, and positive or zero at its end. Further
+      crossings inside the same step are not found.
     - `earliest`: s, time before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
       state instead.
     - `capacity`: number of rows of the buffer.
-    - `wanted`: number of rows after which no further crossing is recorded or counted, by default
-      `capacity`.
+    - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
+      until the buffer is emptied, by default `capacity`.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -96,7 +100,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     wanted: Scalar | None = None
 
     def start(self, start: RunStart) -> SectionRecord:
-        """Return the level at the start of the run, and an empty buffer."""
+        """Return the level at the start of the run, and an empty buffer for rows of the kind that
+        `channels` determine."""
         step = start.step
         row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
         return SectionRecord(self._level(start.now), RowBuffer.like(row, self.capacity))
@@ -110,10 +115,11 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
         rises = kept & (before < 0.0) & (after >= 0.0)
         if self.channels is None:
+            # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, before, after)
             time = row.t
         else:
-            # Most steps have no crossing: the root is searched for only in those that have.
+            # Most steps have no crossing: other runs search for the root only in those that have.
             row = jax.lax.cond(
                 rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
             )
@@ -186,11 +192,13 @@ class Section:
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
     - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
+      The names become those of arrays in results and files.
     - `count`: largest number of crossings; later ones are not kept.
     - `after`: s, time before which crossings are ignored, to leave out a transient.
 
-    **Raises:** `ValueError` for channels that are not such pairs, for names that no array can have,
-    and for a `count` that is not a positive integer.
+    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not
+    such a pair; for a name that is not a non-empty string, contains a slash or backslash, begins
+    with "." or "__", or is "time" or "count"; and for a `count` that is not a positive integer.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),
@@ -218,13 +226,14 @@ class Section:
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder that tabulates the states at the crossings of this section in a lane."""
+        """The recorder that tabulates the states at the crossings of this section in a lane. Its
+        buffer is emptied during the run, so that `count` does not limit its size."""
         return SectionRecorder(self.crossing, on_device(self.after), None, ROWS)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.
 
-        **Raises:** `ValueError` if not.
+        **Raises:** `ValueError` that begins with "crossing", or with "channel" and its name.
         """
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

@@ -112,7 +112,7 @@ def segment(
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
-    **Arguments:** `now`: the run so far; `save_times`: (N,) s, rising, times to save at, or
+    **Arguments:** `now`: the run so far; `save_times`: (N,) s, not decreasing, times to save at, or
     ``None``; `t_end`: s, end of the run; `attempts`: largest number of attempts since the start of
     the run; `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation; the
     others as in `begin`.

@@ -93,7 +93,8 @@ class Sensitivities(AbstractTabular):
           with respect to the parameters' coordinates. Coordinates are pure numbers, so that
           derivatives have the quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
-        - Attributes are the end of the run, its result, the numbers of steps, and the settings.
+        - Attributes are the time at which the run ended, s, its result, the numbers of steps, and
+          the settings.
         """
         variables = {}
         for name, values in self.values.items():
@@ -152,7 +153,7 @@ def sensitivities(
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
     - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
       `clearjoint.quantities`, by names of your choice.
-    - `times`: (N,) s, rising, between start and end, at which the outputs are evaluated.
+    - `times`: (N,) s, not decreasing, between start and end, at which the outputs are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
     - `save`: further results to keep: states at given times, impacts and sections. Steps and
       reductions cannot be kept.
@@ -235,7 +236,8 @@ def sensitivities(
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
     """Check that outputs are functions by name, and that the scene has the elements that they name.
 
-    **Raises:** `ValueError` that names the first invalid output, and for an empty mapping.
+    **Raises:** `ValueError` that names the first invalid output, for an empty mapping, and for
+    names that are not non-empty strings.
     """
     example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
     require_names("outputs", outputs, example)

@@ -65,12 +65,13 @@ class Settled:
       a whole number of periods before `time`.
     - `start_time`: s, the start of the first run.
     - `periods`: number of periods, or of times between crossings of the section, that were
-      simulated.
+      simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
     - `period`: s, the given period, or the mean time between the last crossings of the section;
       ``None`` with fewer than two crossings.
-    - `changes`: (n,), for each period the largest change of the motion since `multiple` periods
-      earlier (one period if not periodic), relative to the range of the motion.
+    - `changes`: (n,), the largest change of the motion since `multiple` periods earlier (one period
+      if not periodic), relative to the range of the motion; for each period except the first ones,
+      which have no earlier one to compare with.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -107,7 +108,8 @@ class Settled:
 
 SETTLED_STATISTICS = 0.1
 """Two spans of a motion count as having the same statistics if their means, and their standard
-deviations, differ by at most this part of the range of the motion."""
+deviations, differ by at most this part of the range of the motion. It leaves room for the scatter
+of the statistics of a chaotic motion over finitely many periods."""
 CONFIRMING = 3
 """Smallest number of successive periods that must each equal an earlier one in a motion that counts
 as periodic. A motion that counts as steady must be still for as many periods."""
@@ -152,8 +154,8 @@ class Strobe:
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations in the third and the last quarter of the
-        periods differ by at most `SETTLED_STATISTICS` of the range. The transient is assumed to
-        have ended after the first half."""
+        periods differ by at most `SETTLED_STATISTICS` of the range; ``False`` for fewer than eight
+        periods. The transient is assumed to have ended after the first half."""
         quarter = len(self.rows) // 4
         # The standard deviation of a single period would be zero.
         if quarter < 2:
@@ -288,7 +290,8 @@ def settle(
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
 
-    **Raises:** `ValueError` for invalid arguments.
+    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given, and for
+    other invalid arguments, such as an initial state that violates the constraints.
     """
     require_count("periods", periods, "allow some hundred")
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
@@ -318,7 +321,7 @@ def settle(
             last = BLOCK * len(runs) >= periods
             assessment = _assessment(runs, section, largest_multiple, tolerance, last)
     kind, multiple = assessment
-    # A run that failed does not count.
+    # A run that failed lacks states, so that its periods cannot be compared with others.
     finished = [run for run in runs if run.result == RESULTS.successful]
     strobe = _strobe(finished, section)
     if section is not None:

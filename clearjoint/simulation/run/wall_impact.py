@@ -68,8 +68,8 @@ def free_impact(
     - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
       stiffness depends on them.
 
-    **Raises:** `ValueError` if the mass does not leave the wall within 100 s, or if JAX computes in
-    32 bits.
+    **Raises:** `ValueError` if the mass does not leave the wall within 100 s or 16 384 steps, or if
+    JAX computes in 32 bits.
 
     >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
@@ -120,14 +120,16 @@ def _contact(
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
 
-    # The force begins and ends at a penetration of minus `gap`.
+    # The force begins and ends at a penetration of minus `gap`. With `direction=False`, only the
+    # passage from larger to smaller penetrations ends the motion.
     gap = jnp.asarray(law.onset_offset(), dtype=float)
     leaving = diffrax.Event(
         lambda t, y, args, **_: y[0] + gap, optimistix.Newton(TOLERANCE, 1e-16), direction=False
     )
     # The absolute tolerances, 1e-16 s and 1e-18 (m and m/s), are far below the times and
     # penetrations of impacts, so that the relative ones decide. The first step, 1e-9 s, is far
-    # shorter than an impact of usual stiffness.
+    # shorter than an impact of usual stiffness. The limit of steps is many times larger than
+    # `STEPS_A_CONTACT`.
     return diffrax.diffeqsolve(
         diffrax.ODETerm(rates),
         diffrax.Dopri8(),
@@ -144,7 +146,8 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Return the peak of a curve that is sampled at N points, (N,). It is the peak of the parabola
-    through the largest value and the values beside it."""
+    """Return the peak of a curve that is sampled at N >= 3 points, (N,). It is the peak of the
+    parabola through the largest value and the values beside it; at an end of the curve, of that
+    through the three values there."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])

@@ -33,9 +33,10 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
-"""Largest difference between a driver's change over a step and the integral of its rate, as a
-multiple of the step's relative tolerance. It leaves room for the error of the quadrature. A driver
-is a constraint that prescribes a motion as a function of time."""
+"""Largest difference between a driver's change over a step and the integral of its rate, relative
+to the driver's speed in the step, as a multiple of the step's relative tolerance. It leaves room
+for the error of the quadrature. A driver is a constraint that prescribes a motion as a function of
+time."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed
 steps."""
@@ -156,6 +157,7 @@ def _controller_decision(
     def scaled(y: Variables) -> Variables:
         return with_relative_bristles(y, system.scene)
 
+    # Deflections of bristles are compared with those at full friction (see `magnitudes`).
     before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:

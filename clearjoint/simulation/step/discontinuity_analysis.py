@@ -160,8 +160,8 @@ def _needed(program: Jaxpr) -> list[JaxprEqn]:
 
 
 def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:
-    """Return whether a program applies a comparison, or one of `primitives`, to a variable that
-    depends on one of `causes`.
+    """Return whether a program applies one of `primitives`, or an operation whose result is not a
+    float, such as a comparison, to a variable that depends on one of `causes`.
 
     **Arguments:** `equations`: the program's equations, in order; `causes`: variables of the
     program; `primitives`: names of JAX primitives.
@@ -171,6 +171,8 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
         which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
         if not any(which):
             continue
+        # Results that are not floats are those of comparisons, of conversions to whole numbers and
+        # the like, which jump.
         real = all(_is_real(v.aval) for v in equation.outvars)
         if equation.primitive.name in primitives or not real:
             return True

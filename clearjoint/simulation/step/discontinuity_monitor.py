@@ -34,7 +34,9 @@ slopes at both ends of the step predict. The change of a smooth rate is about ha
 limit is eight times as large, so that a strongly curved rate is not taken for one that jumps."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
-times the largest of all rates."""
+times the largest of all rates. The first term disregards small changes of smooth rates whose slopes
+happen to vanish at both ends of the step. The second disregards rounding errors, which the mass
+matrix spreads from the largest rate to all others."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:

@@ -23,8 +23,8 @@ from .step_state import Method
 
 
 class Scheme(eqx.Module):
-    """Integration method and formulation of the equations of motion of a run. No part depends on
-    the scene, so that runs of different scenes may use the same scheme.
+    """Integration method and formulation of the equations of motion of a run. It contains no data
+    of a scene, so that runs of different scenes may use the same scheme.
 
     - `method`: solver, step-size controller, and the rule by which steps end at contact events.
     - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.

@@ -21,7 +21,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
     """Check the `start` and `end` time of a run, s; values that JAX traces are not checked.
 
     **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
-    by at least `SHORTEST`.
+    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
@@ -45,7 +45,8 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
     alone are moved to its start or end. Of traced times only the shape is checked.
 
-    **Raises:** `ValueError` for times that decrease or are outside of the run.
+    **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
+    outside of the run, and for an empty array.
     """
     row = check_rising(times, argument)
     if (known := checkable(row, start, end)) is not None:
@@ -64,7 +65,8 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
     **Arguments:** `argument`: the times' name in error messages.
 
-    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional.
+    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional,
+    and for an empty array.
     """
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"

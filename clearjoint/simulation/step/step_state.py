@@ -88,7 +88,7 @@ class Proposal(eqx.Module):
     - `time_since_onset`: time from the latest onset of a contact to the start of the step, infinite
       if there was none; ``None`` in runs without tangents.
     - `entry_length`: length of the latest step that began with an onset and was not cut short by an
-      event.
+      event; before the first such step, the length of the run's first step.
     - `made_jump`: whether rates may have changed abruptly at the start of the step, so that the
       rates which the solver has kept are no longer valid.
     - `controller_state`: state of the step-size controller.

@@ -110,6 +110,8 @@ def start(
     count, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
     # The onset of a contact that exists already is unknown, and counts as long past.
     since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
+    # No step has begun with an onset yet, so the first step's length stands for `entry_length`. It
+    # is short, and after each onset the length may double.
     step = Step(
         t=t0,
         y=y,
@@ -241,7 +243,7 @@ def _accepted_state(
 ) -> Step:
     """Return the state after a trial step, for the case that the trial is accepted.
 
-    Of this `Step`, only variables, entry speeds, contacts and tangents are new.
+    Of this `Step`, only variables, entry speeds, contact gaps, second rates and tangents are new.
 
     Entry speeds are updated first, since they depend on the penetrations as the solver found them.
     Then the variables are corrected for discontinuities of forces at the end of the step. If the

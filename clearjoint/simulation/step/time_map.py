@@ -85,8 +85,8 @@ class WithinContact(AbstractTimeMap):
     **Arguments:**
 
     - `length`: length of the step, s.
-    - `start`, `end`: these square roots at the start and end of the step, s^0.5. Without a contact
-      both are 1, which makes time uniform.
+    - `start`, `end`: these square roots at the start and end of the step, s^0.5. Without a contact,
+      or if neither time is known, both are 1, which makes time uniform.
     """
 
     length: Scalar
@@ -110,8 +110,8 @@ class WithinContact(AbstractTimeMap):
           infinite if none is expected to end.
         """
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
-        # begins now, `since` may still be the time since the onset of an earlier contact, so
-        # `begins` overrides it.
+        # begins now, `since` is zero except for the error of the landing. The map then starts from
+        # exactly zero, and does not follow a predicted end, however near.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
