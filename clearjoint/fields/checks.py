@@ -318,6 +318,7 @@ def caution_outside(
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
+        # NaN gives no warning: other checks refuse it.
         caution_unless(not number < least, argument, number.item(), unit, at_least, remedy)
         caution_unless(not number > most, argument, number.item(), unit, at_most, remedy)
 

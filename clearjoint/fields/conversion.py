@@ -117,7 +117,7 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
     """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
 
     In Equinox modules of this package, these are the leaves in all fields that are not static; in
-    other modules, those in fields with a converter.
+    other modules, those in fields with a converter. Leaves outside of all modules count too.
     """
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()

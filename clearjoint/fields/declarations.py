@@ -82,10 +82,11 @@ def quantity(
 
     - `unit`: SI unit of the value, "1" for a number without unit.
     - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
-    - `positive`: whether the number must be positive; with `zero`, it may be zero too.
-    - `within`: closed interval of allowed values.
-    - `usual`: smallest and largest usual value, in the unit; other values give an
-      `UnusualValueWarning`.
+    - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
+      too.
+    - `within`: closed interval in which the value, a single number, must be.
+    - `usual`: smallest and largest usual value of a single number, in the unit; other values give
+      an `UnusualValueWarning`.
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.

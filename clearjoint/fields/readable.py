@@ -34,6 +34,7 @@ class AbstractReadable(eqx.Module):
         name_conversions(cls)
 
     def __check_init__(self):
+        # Equinox calls it when an object has been made.
         check_declared(self)
         # The methods are taken from the class, because Equinox wraps those of an instance at each
         # access, which takes time.
