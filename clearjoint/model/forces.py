@@ -58,6 +58,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
 
     def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
+        """Return the length beyond the free length, m, its rate, m/s, and the global unit vector
+        from the first to the second point, which is zero where the points coincide."""
         first, second = motions[self.first], motions[self.second]
         apart = second.point(self.point_second) - first.point(self.point_first)
         length, direction = norm_and_direction(apart)
@@ -171,8 +173,8 @@ class AppliedLoad(AbstractForce):
       components, a table with values (N, 3) or a function that returns three numbers may be passed.
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
-    **Raises:** `ValueError` if a component is neither a number nor a function of time, or their
-    number is not three.
+    **Raises:** `ValueError` if a component is neither a number nor a function of time, their number
+    is not three, or the point is invalid.
 
     >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -209,6 +211,7 @@ class AppliedLoad(AbstractForce):
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw an arrow for the force at time zero."""
+        # `vector_at` needs vectors in scalar form, the pen an array.
         pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))
 
 

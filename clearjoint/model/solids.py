@@ -47,7 +47,8 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     """Return mass and moments of a thin rod from its length, m, and mass, kg.
 
     The moments across the axis are m l^2/12. A thin rod has no moment about its axis, but a body
-    needs one: it is that of a round steel bar of this mass and length. `axis` is "x", "y" or "z".
+    needs one: it is m d^2/8 with the diameter d of a round steel bar of this mass and length.
+    `axis` is "x", "y" or "z".
 
     **Raises:** `ValueError` if the steel bar would be thicker than long.
     """
@@ -137,6 +138,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
+    """Return the diameter of a hole, m, zero for none, after a check against the outer diameter."""
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
     expected = "less than the diameter, {1} m"
