@@ -31,7 +31,7 @@ class Gap:
 
     @property
     def journal_radius(self) -> Scalar:
-        """Bearing radius minus clearance, m."""
+        """Bearing radius minus clearance, m; only for a gap that has both."""
         assert self.bearing_radius is not None and self.clearance is not None
         return self.bearing_radius - self.clearance
 

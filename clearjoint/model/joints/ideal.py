@@ -69,9 +69,9 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         """Return the rows "rotation x", "rotation y" and "rotation z", which keep two orientations
         equal.
 
-        Each keeps one axis of a frame perpendicular to another axis of a second frame. The first
-        body's own frame is the first; `orientation` transforms components in the second body's
-        frame to the first body's frame in the desired position.
+        Each keeps one axis of the first body's frame perpendicular to another axis of a frame that
+        is fixed to the second body. `orientation` transforms components in the second body's axes
+        to this frame.
         """
         relative = rotation_matrix(orientation)
         return {
