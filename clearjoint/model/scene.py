@@ -54,6 +54,7 @@ def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
     **Arguments:** `links`: names of the bodies of each joint.
     """
     connected, remaining = {body}, [set(link) for link in links]
+    # Each round adds the bodies of all joints that touch a connected body, and drops these joints.
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
         remaining = [link for link in remaining if not link <= connected]
@@ -80,10 +81,12 @@ class Scene(AbstractReadable):
     - `forces`: springs, dampers, loads and drive torques by name.
     - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
 
-    **Raises:** `ValueError` if there is no body, an element has the wrong class or names an unknown
-    body, or a joint and a force have the same name.
-    **Warns:** `LooseBodyWarning` if nothing acts on a body, or no joint holds the axis of a drive;
-    `UnusualValueWarning` if a point is far from its body's centre of mass, or gravity is large.
+    **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or no
+    string, an element has the wrong class or names an unknown body, a joint and a force have the
+    same name, or the gravity is not three finite numbers.
+    **Warns:** `LooseBodyWarning` if nothing acts on a body of a scene with joints, or no joint
+    holds the axis of a drive; `UnusualValueWarning` if a point is far from its body's centre of
+    mass, or gravity is large.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -139,6 +142,7 @@ class Scene(AbstractReadable):
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:
+            # Without any joint, free bodies are probably intended.
             if self.joints and name not in connected:
                 caution(
                     f"No joint and no force acts on body {name!r}, which moves freely: connect it, "

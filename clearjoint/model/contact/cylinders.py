@@ -219,9 +219,9 @@ class PerssonCylinder(AbstractCylinder):
     E' = E/(1 - nu^2). Persson's theory doesn't give the penetration delta. Here the half-angle
     follows from the overlap of the undeformed circles as in `LiuCylinder`, cos(half-angle) =
     dR/(dR + delta). For small penetrations the force is then several times that of the other
-    formulas for line contacts. To find where those become invalid, compare their force with the
-    `load` at the same `half_angle`. For different materials, E' is replaced by 2 E*, where 1/E* is
-    the sum of (1 - nu^2)/E of both.
+    formulas for line contacts. `half_angle` and `load` show where a contact is too conformal for
+    formulas that assume a small half-angle. For different materials, E' is replaced by 2 E*, where
+    1/E* is the sum of (1 - nu^2)/E of both.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees

@@ -35,7 +35,7 @@ def double_pendulum(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh; 0 to 1.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.

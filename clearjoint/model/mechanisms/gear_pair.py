@@ -75,6 +75,7 @@ def gear_pair(
 
 
 def _disc(radius: float) -> Body:
+    """Return a steel disc about Z from its radius, m."""
     mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
     across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
     return Body(mass, (across, across, 0.5 * mass * radius**2))

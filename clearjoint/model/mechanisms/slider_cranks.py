@@ -255,6 +255,11 @@ def _in_plane() -> dict[str, AbstractConstraint]:
 
 
 def _start(speed: Scalar) -> State:
+    """Return the state of the guided slider-crank at a speed of the crank, rad/s.
+
+    It starts in a straight line: the crank's end moves along Y, and the slider, at the other end of
+    the rod, is at rest.
+    """
     tip = np.array([0.0, CRANK * speed, 0.0])
     axis = np.array([0.0, 0.0, 1.0])
     return State(
