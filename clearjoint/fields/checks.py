@@ -92,6 +92,7 @@ def as_shown(value: Any) -> Any:
         return as_shown(value.tolist())
     if not isinstance(value, float) or not np.isfinite(value):
         return value
+    # Conversions of units leave errors of a few roundings, which would print as 17 digits.
     short = float(f"{value:.14g}")
     return short if abs(short - value) <= ROUNDINGS * EPSILON * abs(value) else value
 

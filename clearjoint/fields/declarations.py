@@ -51,6 +51,7 @@ class Declaration:
         if self.shape is not None:
             in_unit = "" if self.unit == "1" else f" in {self.unit}"
             require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
+        # The other checks are for single numbers.
         remedy = self.remedy or f"give it in {self.unit}"
         if self.positive:
             require_positive(name, value, remedy, zero=self.zero)

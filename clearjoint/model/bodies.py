@@ -346,6 +346,7 @@ class State(AbstractReadable):
     ):
         remedy = "pass State({name: body_state(...)})"
         self.bodies = named("bodies", bodies, remedy)
+        # The numbers are not checked here, since `body_state` has checked them.
         for name, body in self.bodies.items():
             kind, is_valid = type(body).__name__, isinstance(body, BodyState)
             require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)

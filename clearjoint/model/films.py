@@ -108,6 +108,8 @@ class AbstractFilm(AbstractConverting):
         -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the viscosity mu, bearing radius R, length L,
         clearance c and eccentricity ratio eps (A. Sommerfeld 1904).
         """
+        # The viscous stress mu R spin/h acts on the journal's surface. The mean of 1/h around the
+        # bearing, for the film's height h = c (1 + eps cos angle), is the inverse of this height.
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
         return (
             -2.0

@@ -43,7 +43,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     - `damping`: N s/m, not negative; zero by default.
     - `free_length`: length without spring force, m, not negative; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range.
+    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -109,7 +109,7 @@ class TorsionalSpring(AbstractDriveTorque):
     - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range.
+    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()
@@ -143,6 +143,7 @@ class TorsionalSpring(AbstractDriveTorque):
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
+        """Return the angle less the rest angle, rad, within half a revolution."""
         return wrapped(angle - self.rest_angle, 2.0 * math.pi)
 
 
@@ -260,7 +261,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
       components along the bushing's axes to each body's frame; these axes are the body's by
       default. In the relaxed bushing, the axes that the two bodies define are parallel.
 
-    **Raises:** `ValueError` if a number is negative or an orientation is invalid.
+    **Raises:** `ValueError` if a number is negative, a point or orientation is invalid, or the
+    bodies are the same.
 
     ```python
     import clearjoint as cj

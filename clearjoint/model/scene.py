@@ -115,6 +115,10 @@ class Scene(AbstractReadable):
         self.gravity = gravity
 
     def _check_together(self) -> None:
+        """Raise the errors, and issue the warnings about numbers, that the class docstring lists.
+
+        `AbstractReadable` calls it when a scene has been made, and runs repeat it.
+        """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
@@ -131,6 +135,7 @@ class Scene(AbstractReadable):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
                 _check_distances(f"{family}[{name!r}]", element, self.bodies)
+        # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
@@ -227,6 +232,7 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
     **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
     """
     for name, body, point in element.attachments():
+        # A point of the ground may be anywhere.
         numbers = (bodies[body], point) if body in bodies else ()
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue

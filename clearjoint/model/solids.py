@@ -53,6 +53,7 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     **Raises:** `ValueError` if the steel bar would be thicker than long.
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
+    # A round bar has the mass rho pi/4 d^2 l.
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
     require_numbers(
         lambda _, squared, length: squared <= length**2,
@@ -152,6 +153,7 @@ def _length(argument: str, value: Number) -> Number:
 
 
 def _number(argument: str, value: Number, remedy: str) -> Number:
+    """Return a value as an array, (), after a check that it is one positive number."""
     number = as_number(value)
     require_positive(argument, number, remedy)
     return number

@@ -203,6 +203,7 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
     for label, bristle_law in joint.bristle_laws().items():
         bristles[label] = Vector(0.5 * bristle_law.full_deflection(), 0.0, 0.0)
     loaded_contacts = {}
+    # No contact is declared closed or open (``None``): its penetration decides.
     for label, law in joint.laws().items():
         contact, entry_speed = contacts[label], ENTRY_SPEED if law.uses_entry_speed else None
         loaded = contact_force(joint, label, law, contact, entry_speed, None, motions, bristles)

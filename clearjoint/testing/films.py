@@ -78,6 +78,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
         on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
         return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
 
+    # `jax.jacfwd` differentiates arrays, not Python numbers.
     film = jax.tree.map(jnp.asarray, film)
     yield from _complaints_of_force(force, film)
     yield from _complaints_of_drag(film, *sizes)

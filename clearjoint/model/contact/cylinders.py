@@ -103,6 +103,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             load = self.line_force(gap, depth)
         else:
+            # The formula up to the depth `end`, and its tangent beyond.
             end, _, slope = straight
             beyond = jnp.maximum(depth - end, 0.0)
             load = self.line_force(gap, jnp.minimum(depth, end)) + slope * beyond
@@ -116,6 +117,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             energy = self.line_energy(gap, depth)
         else:
+            # Beyond the depth `end` the integral is that of a straight line.
             end, load, slope = straight
             beyond = jnp.maximum(depth - end, 0.0)
             energy = self.line_energy(gap, jnp.minimum(depth, end))

@@ -84,6 +84,7 @@ def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
+        # ``None`` stands for a traced number, whose value is unknown.
         if limit.quantity != quantity or any(number is None for number in numbers):
             continue
         value, least, most = (float(number) for number in numbers if number is not None)

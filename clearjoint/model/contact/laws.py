@@ -356,6 +356,7 @@ def require_flat_law(law: object, surfaces: str) -> None:
         "an AbstractContactLaw",
         "pass a law such as HuntCrossley(0.5, 1e8)",
     )
+    # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
         require(
             isinstance(law.stiffness, GivenStiffness),

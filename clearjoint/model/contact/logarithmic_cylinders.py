@@ -45,6 +45,7 @@ def inverse_of_load(ratio: Scalar) -> Scalar:
 
 @inverse_of_load.defjvp
 def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    # The derivative of ln u + 1 - u = ln ratio: du (1/u - 1) = d(ratio)/ratio.
     (ratio,), (tangent,) = primals, tangents
     u = inverse_of_load(ratio)
     return u, -u / ((u - 1.0) * ratio) * tangent

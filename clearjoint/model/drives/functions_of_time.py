@@ -385,8 +385,10 @@ def vector_at(given: PyTree, t: Scalar) -> Vector:
     """
     if isinstance(given, Vector):
         return given
+    # Components of their own, of which at least one is a function.
     if isinstance(given, tuple):
         return Vector(*(value_at(part, t) for part in given))
+    # One function of time for all components.
     parts = given(t)
     shape, expected = _shape(parts), "a function of time that returns three numbers"
     remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"

@@ -92,6 +92,7 @@ class GearJoint(AbstractConstraint):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def __check_init__(self):
+        # Two gears and their carrier are three bodies.
         require_distinct(self.first, self.second)
         for gear in (self.first, self.second):
             remedy = "name the body that carries the gears"
@@ -115,6 +116,7 @@ class GearJoint(AbstractConstraint):
             angle_about((self.carrier, gear), carrier, motions[gear], axis, orientation)
             for gear, axis, orientation in zip(gears, axes, orientations, strict=True)
         )
+        # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
         mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
         tooth = 2.0 * math.pi / self.teeth_first

@@ -74,6 +74,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         to this frame.
         """
         relative = rotation_matrix(orientation)
+        # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
+        # changes only the first of these products, and so on.
         return {
             label: self._perpendicular(motions, a, relative.transposed_times(b))
             for label, a, b in (

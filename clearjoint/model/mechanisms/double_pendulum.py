@@ -42,7 +42,9 @@ def double_pendulum(
     - `axial`: whether the journal can slide along its axis: an `AbstractAxialPolicy`, by default
       `FreeAxially()`.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """

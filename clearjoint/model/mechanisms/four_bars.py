@@ -233,10 +233,13 @@ def spatial_four_bar(
     - `law`: replaces the default law.
     - `friction`: of the ball; none by default.
 
-    >>> scene, state = cj.mechanisms.spatial_four_bar()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """
+    # The coupler lies along its x axis, crank and rocker along their y axes.
     end = (0.5 * COUPLER, 0.0, 0.0)
     top = (0.0, 0.5 * ROCKER, 0.0)
     if clearance is None:
@@ -252,6 +255,7 @@ def spatial_four_bar(
             law=steel_law(restitution) if law is None else law,
             friction=friction,
         )
+    # With crank and rocker upright, their upper ends are at the same height.
     foot = (COUPLER, CRANK - ROCKER, 0.0)
     joints = {
         "crank bearing": RevoluteJoint(

@@ -52,6 +52,8 @@ def gear_pair(
 
     **Returns:** the scene and the initial state, in the middle of the play.
 
+    **Raises:** `ValueError` if a value is outside its range.
+
     >>> scene, state = cj.mechanisms.gear_pair()
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']

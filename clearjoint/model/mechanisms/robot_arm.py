@@ -258,6 +258,8 @@ def robot_arm(
 
     **Returns:** the scene and the initial state, in the middle of the play.
 
+    **Raises:** `ValueError` if a value is outside its range.
+
     >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
     >>> list(scene.bodies)
     ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
