@@ -21,7 +21,7 @@ from .laws import AbstractElasticity, AbstractMaterialPair
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each."""
+"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each, more than smooth formulas need."""
 _STRAIGHT_FROM = 0.99
 """Fraction of the largest penetration, where some formulas have an infinite stiffness, from which
 the force is extrapolated linearly."""

@@ -44,9 +44,15 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return coincident_points(*self._between(motions), self.point_first, self.point_second)
 
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
+        """Return the row that keeps unit vector `a` of the first body perpendicular to unit vector
+        `b` of the second, each in its body's axes."""
         return perpendicular(*self._between(motions), a, b)
 
     def _in_plane(self, motions: Motions, normal: Vector) -> Row:
+        """Return the row that keeps the second point in a plane through the first, m.
+
+        `normal` is the plane's unit normal in the first body's axes.
+        """
         points = self.point_first, normal, self.point_second
         return point_in_plane(*self._between(motions), *points)
 
