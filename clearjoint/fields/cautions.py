@@ -13,6 +13,7 @@ from pathlib import Path
 import equinox as eqx
 
 _PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
+"""Folders of this package and of Equinox, whose frames are not the user's code."""
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning, on how to silence it."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)

@@ -92,6 +92,7 @@ def as_shown(value: Any) -> Any:
         return as_shown(value.tolist())
     if not isinstance(value, float) or not np.isfinite(value):
         return value
+    # Conversions of units leave errors of a few roundings, which would print as 17 digits.
     short = float(f"{value:.14g}")
     return short if abs(short - value) <= ROUNDINGS * EPSILON * abs(value) else value
 
@@ -318,6 +319,7 @@ def caution_outside(
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
+        # NaN gives no warning: other checks refuse it.
         caution_unless(not number < least, argument, number.item(), unit, at_least, remedy)
         caution_unless(not number > most, argument, number.item(), unit, at_most, remedy)
 

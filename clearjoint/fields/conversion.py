@@ -68,12 +68,14 @@ def as_numbers(value: PyTree) -> PyTree:
         return as_number(value)
     if isinstance(value, dict):
         return {key: as_numbers(inner) for key, inner in value.items()}
+    # A named tuple is a structure of its own, which must keep its type.
     if not isinstance(value, tuple | list) or type(value) not in (tuple, list):
         return value
     parts = [as_numbers(part) for part in value]
     shapes = {part.shape if isinstance(part, np.ndarray | jax.Array) else None for part in parts}
     if len(shapes) != 1 or None in shapes:
         return type(value)(parts)
+    # All parts are arrays of one shape. Traced numbers can be stacked by JAX only.
     library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
     return library.stack(parts)
 
@@ -117,7 +119,7 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
     """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
 
     In Equinox modules of this package, these are the leaves in all fields that are not static; in
-    other modules, those in fields with a converter.
+    other modules, those in fields with a converter. Leaves outside of all modules count too.
     """
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
@@ -163,6 +165,7 @@ def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> F
     A field that declares neither becomes static if its annotation is in `NAMES`, and gets the
     converter of `field_converter` otherwise.
     """
+    # The class may have declared a field, or only a default value, or neither.
     given = cls.__dict__.get(name)
     if isinstance(given, Field):
         field = given

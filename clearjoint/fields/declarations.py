@@ -51,6 +51,7 @@ class Declaration:
         if self.shape is not None:
             in_unit = "" if self.unit == "1" else f" in {self.unit}"
             require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
+        # The other checks are for single numbers.
         remedy = self.remedy or f"give it in {self.unit}"
         if self.positive:
             require_positive(name, value, remedy, zero=self.zero)
@@ -82,10 +83,11 @@ def quantity(
 
     - `unit`: SI unit of the value, "1" for a number without unit.
     - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
-    - `positive`: whether the number must be positive; with `zero`, it may be zero too.
-    - `within`: closed interval of allowed values.
-    - `usual`: smallest and largest usual value, in the unit; other values give an
-      `UnusualValueWarning`.
+    - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
+      too.
+    - `within`: closed interval in which the value, a single number, must be.
+    - `usual`: smallest and largest usual value of a single number, in the unit; other values give
+      an `UnusualValueWarning`.
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.

@@ -31,7 +31,8 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 def broken(label: str) -> str:
     """Return the label of an axis, broken into lines of about equal length if it is longer than
     `WIDEST_LABEL` characters."""
-    # The quotient rounded up. The width allows for lines that end before a word.
+    # The quotient rounded up. Lines end before a word that doesn't fit: with six characters more
+    # than the average, they nearly always suffice.
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label

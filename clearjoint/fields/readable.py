@@ -34,6 +34,7 @@ class AbstractReadable(eqx.Module):
         name_conversions(cls)
 
     def __check_init__(self):
+        # Equinox calls it when an object has been made.
         check_declared(self)
         # The methods are taken from the class, because Equinox wraps those of an instance at each
         # access, which takes time.
@@ -51,6 +52,7 @@ class AbstractReadable(eqx.Module):
         """Issue a warning if the values of several fields are unusual together; by default none."""
 
     def __setattr__(self, name: str, value: object) -> None:
+        # Equinox sets fields in `__init__`; later it raises the error, which gets a remedy here.
         try:
             super().__setattr__(name, value)
         except FrozenInstanceError as error:

@@ -37,10 +37,10 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     **Arguments:**
 
     - `given`: state of some of the bodies, which keep it.
-    - `angle`: rad, by which the first hinge is turned about its axis. Each further hinge is turned
-      in the opposite sense and by 1.3 times as much as the one before. With the default, zero, the
-      links of a planar chain are parallel, which may be a singular position that `assemble` can't
-      leave.
+    - `angle`: rad, by which the first joint is turned about its axis. The angle of each further
+      joint is -1.3 times that of the one before; a joint without an axis is not turned, but counts.
+      With the default, zero, the links of a planar chain are parallel, which may be a singular
+      position that `assemble` can't leave.
     """
     given = State({}) if given is None else given
     poses = _poses(given)
@@ -69,7 +69,8 @@ def is_closed(scene: Scene, state: State) -> bool:
     """Return whether a state satisfies the joints of a scene, as far as `arranged_state` uses them.
 
     The two points of each joint must coincide, and its two axes must be parallel in either sense,
-    within the tolerance `CLOSED`.
+    within the tolerance `CLOSED`. The points of a sliding joint must coincide too, although its
+    block may be elsewhere on the rail in general. The state must contain all bodies.
     """
     poses = _poses(state)
     for pair in survey(scene).joined:

@@ -104,6 +104,8 @@ class Body(AbstractReadable):
 
     **Raises:** `ValueError` if a value is impossible for a rigid body; in particular each principal
     moment is at most the sum of the other two.
+    **Warns:** `UnusualValueWarning` if a homogeneous box with this mass and inertia has a density
+    outside 0.01 to 1e6 kg/m^3, since a unit is probably wrong.
 
     >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
     Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
@@ -154,8 +156,10 @@ class Body(AbstractReadable):
           transverse moments are m l^2/12, and the moment about its axis is that of a steel bar.
         - `axis`: direction of the rod, "x", "y" or "z".
 
-        **Raises:** `ValueError` if a dimension is not positive, if not exactly one of mass and
-        density is given, or if a density is given without a diameter.
+        **Raises:** `ValueError` if a number is not positive, if not exactly one of mass and density
+        is given, if a density is given without a diameter, if the steel bar would be thicker than
+        long, or for another axis.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
         solids.require_one(mass, density)
         if diameter is not None:
@@ -190,8 +194,9 @@ class Body(AbstractReadable):
         - `inner_diameter`: m, of the hole; zero without one.
         - `axis`: axis of symmetry, "x", "y" or "z".
 
-        **Raises:** `ValueError` if a dimension is not positive, the hole is too large, or unless
-        exactly one of mass and density is given.
+        **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
+        than the cylinder, unless exactly one of mass and density is given, or for another axis.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
         return Body(*solids.cylinder(diameter, length, mass, density, inner_diameter, axis))
 
@@ -215,8 +220,9 @@ class Body(AbstractReadable):
         - `lengths`: (3,) m, along x, y and z.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
 
-        **Raises:** `ValueError` if a length is not positive, or unless exactly one of mass and
+        **Raises:** `ValueError` if a number is not positive, or unless exactly one of mass and
         density is given.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
         return Body(*solids.box(lengths, mass, density))
 
@@ -242,8 +248,9 @@ class Body(AbstractReadable):
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
         - `inner_diameter`: m, of a hollow sphere; zero by default.
 
-        **Raises:** `ValueError` if the diameter is not positive, the hole is too large, or unless
-        exactly one of mass and density is given.
+        **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
+        than the sphere, or unless exactly one of mass and density is given.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
         return Body(*solids.sphere(diameter, mass, density, inner_diameter))
 
@@ -278,7 +285,8 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
     **Arguments:** `mass`: kg; `inertia`: kg m^2, principal moments, (3,), or a matrix, (3, 3).
     """
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
-    # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on.
+    # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on. Hence a^2 is 6/m
+    # times the sum of the moments less twice the first. Rounding may make it negative.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
 
@@ -310,14 +318,14 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
-      and label of the contact; zero without contact. Empty for scenes whose laws don't use entry
-      speeds.
+      and label of the contact; zero without contact, and 1e9 if the contact began before the start
+      of the run. Empty for scenes whose laws don't use entry speeds.
     - `work`: energies supplied to the bodies or taken from them since the start, J, by name; empty
       unless the run keeps this energy ledger.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
 
-    **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s.
+    **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s by non-empty names.
 
     >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
     >>> state.bodies["arm"].position
@@ -338,6 +346,7 @@ class State(AbstractReadable):
     ):
         remedy = "pass State({name: body_state(...)})"
         self.bodies = named("bodies", bodies, remedy)
+        # The numbers are not checked here, since `body_state` has checked them.
         for name, body in self.bodies.items():
             kind, is_valid = type(body).__name__, isinstance(body, BodyState)
             require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)

@@ -108,6 +108,8 @@ class AbstractFilm(AbstractConverting):
         -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the viscosity mu, bearing radius R, length L,
         clearance c and eccentricity ratio eps (A. Sommerfeld 1904).
         """
+        # The viscous stress mu R spin/h acts on the journal's surface. The mean of 1/h around the
+        # bearing, for the film's height h = c (1 + eps cos angle), is the inverse of this height.
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
         return (
             -2.0
@@ -142,7 +144,7 @@ class CaponeFilm(AbstractFilm):
     Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
 
-    **Arguments:** `viscosity`: mu, Pa s.
+    **Arguments:** `viscosity`: mu, Pa s, positive.
 
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
@@ -196,7 +198,7 @@ class PinkusSternlichtFilm(AbstractFilm):
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
 
-    **Arguments:** `viscosity`: mu, Pa s.
+    **Arguments:** `viscosity`: mu, Pa s, positive.
 
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
     Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
@@ -273,7 +275,9 @@ class ButenschoenFilm(AbstractFilm):
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
     this line falls smoothly to zero below an eccentricity ratio of 0.001.
 
-    **Arguments:** `viscosity`: mu, Pa s. **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1.
+    **Arguments:** `viscosity`: mu, Pa s, positive.
+
+    **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1, when a joint with the film is made.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
@@ -303,6 +307,7 @@ class ButenschoenFilm(AbstractFilm):
         radial = slope * jnp.cos(angle) * jnp.abs(gap.axis.dot(centres.cross(gap.rate)))
         # An opening film acts like a closing one on the other side of the bearing.
         squeeze = squeeze_load(width, jnp.where(closing < 0.0, -ratio, ratio)) * closing
+        # B D mu/psi^2, with D = 2R and psi = c/R.
         scale = 2.0 * self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
         # The film pushes the journal back, against the load that it carries.
         return (rotation * tangential + centres * (radial + squeeze)) * -scale

@@ -43,7 +43,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     - `damping`: N s/m, not negative; zero by default.
     - `free_length`: length without spring force, m, not negative; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range.
+    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -58,6 +58,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     free_length: Single = quantity("m", default=0.0, positive=True, zero=True, remedy=SI)
 
     def _stretch(self, motions: Motions) -> tuple[Scalar, Scalar, Vector]:
+        """Return the length beyond the free length, m, its rate, m/s, and the global unit vector
+        from the first to the second point, which is zero where the points coincide."""
         first, second = motions[self.first], motions[self.second]
         apart = second.point(self.point_second) - first.point(self.point_first)
         length, direction = norm_and_direction(apart)
@@ -107,7 +109,7 @@ class TorsionalSpring(AbstractDriveTorque):
     - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range.
+    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()
@@ -141,6 +143,7 @@ class TorsionalSpring(AbstractDriveTorque):
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
+        """Return the angle less the rest angle, rad, within half a revolution."""
         return wrapped(angle - self.rest_angle, 2.0 * math.pi)
 
 
@@ -171,8 +174,8 @@ class AppliedLoad(AbstractForce):
       components, a table with values (N, 3) or a function that returns three numbers may be passed.
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
-    **Raises:** `ValueError` if a component is neither a number nor a function of time, or their
-    number is not three.
+    **Raises:** `ValueError` if a component is neither a number nor a function of time, their number
+    is not three, or the point is invalid.
 
     >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -209,6 +212,7 @@ class AppliedLoad(AbstractForce):
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw an arrow for the force at time zero."""
+        # `vector_at` needs vectors in scalar form, the pen an array.
         pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))
 
 
@@ -257,7 +261,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
       components along the bushing's axes to each body's frame; these axes are the body's by
       default. In the relaxed bushing, the axes that the two bodies define are parallel.
 
-    **Raises:** `ValueError` if a number is negative or an orientation is invalid.
+    **Raises:** `ValueError` if a number is negative, a point or orientation is invalid, or the
+    bodies are the same.
 
     ```python
     import clearjoint as cj

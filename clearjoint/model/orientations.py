@@ -39,7 +39,8 @@ def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     **Returns:** (4,) Euler parameters, scalar first. They transform components in the rotated frame
     to the original frame.
 
-    **Raises:** `ValueError` if the axis has zero length or a number is not finite.
+    **Raises:** `ValueError` if the axis has zero length, a number is not finite, or a shape is
+    wrong.
     **Warns:** `UnusualValueWarning` if the angle exceeds two revolutions.
     """
     vector, radians = as_number(axis), as_number(angle)

@@ -54,6 +54,7 @@ def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
     **Arguments:** `links`: names of the bodies of each joint.
     """
     connected, remaining = {body}, [set(link) for link in links]
+    # Each round adds the bodies of all joints that touch a connected body, and drops these joints.
     while adjacent := [link for link in remaining if link & connected]:
         connected |= set().union(*adjacent)
         remaining = [link for link in remaining if not link <= connected]
@@ -80,10 +81,12 @@ class Scene(AbstractReadable):
     - `forces`: springs, dampers, loads and drive torques by name.
     - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
 
-    **Raises:** `ValueError` if there is no body, an element has the wrong class or names an unknown
-    body, or a joint and a force have the same name.
-    **Warns:** `LooseBodyWarning` if nothing acts on a body, or no joint holds the axis of a drive;
-    `UnusualValueWarning` if a point is far from its body's centre of mass, or gravity is large.
+    **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or no
+    string, an element has the wrong class or names an unknown body, a joint and a force have the
+    same name, or the gravity is not three finite numbers.
+    **Warns:** `LooseBodyWarning` if nothing acts on a body of a scene with joints, or no joint
+    holds the axis of a drive; `UnusualValueWarning` if a point is far from its body's centre of
+    mass, or gravity is large.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -112,6 +115,10 @@ class Scene(AbstractReadable):
         self.gravity = gravity
 
     def _check_together(self) -> None:
+        """Raise the errors, and issue the warnings about numbers, that the class docstring lists.
+
+        `AbstractReadable` calls it when a scene has been made, and runs repeat it.
+        """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         require(
@@ -128,6 +135,7 @@ class Scene(AbstractReadable):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
                 _check_distances(f"{family}[{name!r}]", element, self.bodies)
+        # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
         if self.gravity is not None:
@@ -139,6 +147,7 @@ class Scene(AbstractReadable):
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:
+            # Without any joint, free bodies are probably intended.
             if self.joints and name not in connected:
                 caution(
                     f"No joint and no force acts on body {name!r}, which moves freely: connect it, "
@@ -223,6 +232,7 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
     **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
     """
     for name, body, point in element.attachments():
+        # A point of the ground may be anywhere.
         numbers = (bodies[body], point) if body in bodies else ()
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue

@@ -47,11 +47,13 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     """Return mass and moments of a thin rod from its length, m, and mass, kg.
 
     The moments across the axis are m l^2/12. A thin rod has no moment about its axis, but a body
-    needs one: it is that of a round steel bar of this mass and length. `axis` is "x", "y" or "z".
+    needs one: it is m d^2/8 with the diameter d of a round steel bar of this mass and length.
+    `axis` is "x", "y" or "z".
 
     **Raises:** `ValueError` if the steel bar would be thicker than long.
     """
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
+    # A round bar has the mass rho pi/4 d^2 l.
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
     require_numbers(
         lambda _, squared, length: squared <= length**2,
@@ -137,6 +139,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
+    """Return the diameter of a hole, m, zero for none, after a check against the outer diameter."""
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, METRES, zero=True)
     expected = "less than the diameter, {1} m"
@@ -150,6 +153,7 @@ def _length(argument: str, value: Number) -> Number:
 
 
 def _number(argument: str, value: Number, remedy: str) -> Number:
+    """Return a value as an array, (), after a check that it is one positive number."""
     number = as_number(value)
     require_positive(argument, number, remedy)
     return number

@@ -58,7 +58,8 @@ class SurveyingPen(AbstractPen):
     def bearing(
         self, *drawn: object, radius: Single | None, clearance: Single, **named: object
     ) -> None:
-        """Add two markers as `weld` does, and the bore; `radius` and `clearance` in m."""
+        """Add two markers as `weld` does, and the bore with its `radius` and `clearance`, m; the
+        radius is ``None`` if unknown."""
         self.weld(*drawn, **named)
         self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
 

@@ -146,8 +146,8 @@ def accelerometer(
     **Returns:** `Accelerometer`, a tuple of the scene and the state with the sensor, and the
     quantity of its signal.
 
-    **Raises:** `ValueError` if a value is outside its range, the body is unknown, or the name is in
-    use.
+    **Raises:** `ValueError` if a value is outside its range, the scene or the state lacks the body,
+    or the sensor's or its spring's name is in use.
 
     **Source:** C. Harris and A. Piersol, *Harris' shock and vibration handbook* (2002), chapter 12.
     """

@@ -129,28 +129,32 @@ def require_choice(argument: str, value: str | None, allowed: tuple[str | None, 
 
 
 def as_component(value: Component) -> Component:
-    """Return a component, after a check that it is "x", "y" or "z"."""
+    """Return a component unchanged, or raise a ``ValueError`` unless it is "x", "y" or "z"."""
     require_choice("component", value, ("x", "y", "z"))
     return value
 
 
 def component_or_none(value: Component | None) -> Component | None:
-    """Return a component, after a check that it is "x", "y", "z" or ``None``."""
+    """Return a component unchanged, or raise a ``ValueError`` unless it is "x", "y", "z" or
+    ``None``."""
     require_choice("component", value, ("x", "y", "z", None))
     return value
 
 
 def as_axes(value: Axes) -> Axes:
-    """Return the name of axes, after a check that it is "global" or "body"."""
+    """Return the name of axes unchanged, or raise a ``ValueError`` unless it is "global" or
+    "body"."""
     require_choice("axes", value, ("global", "body"))
     return value
 
 
 def numbers(values: ArrayLike) -> tuple[float, ...]:
-    """Return numbers, (N,), as a tuple.
+    """Return numbers, (N,), as a tuple; a single number gives a tuple of one.
 
     Static fields of quantities need it, because a tuple compares and hashes by value, unlike an
     array.
+
+    **Raises:** `ValueError` if the values are not numbers.
     """
     return tuple(np.atleast_1d(as_number(values)).tolist())
 

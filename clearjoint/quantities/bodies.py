@@ -53,6 +53,8 @@ class Position(AbstractBodyQuantity):
 
     **Arguments:** `body`: its name. `component`: "x", "y" or "z".
 
+    **Raises:** `ValueError` for another component.
+
     >>> cj.quantities.Position("arm 3", "z").unit
     'm'
     """
@@ -68,7 +70,10 @@ class Position(AbstractBodyQuantity):
 class Velocity(AbstractBodyQuantity):
     """Velocity of a body's centre of mass, m/s: its magnitude or a global component.
 
-    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
+    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None``, the default, for the
+    magnitude.
+
+    **Raises:** `ValueError` for another component.
 
     >>> cj.quantities.Velocity("arm 3", "y").unit
     'm/s'
@@ -85,7 +90,10 @@ class Velocity(AbstractBodyQuantity):
 class Acceleration(AbstractBodyQuantity):
     """Acceleration of a body's centre of mass, m/s^2: its magnitude or a global component.
 
-    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None`` for the magnitude.
+    **Arguments:** `body`: its name, which can't be the ground. `component`: "x", "y", "z", or
+    ``None``, the default, for the magnitude.
+
+    **Raises:** `ValueError` for another component.
 
     >>> cj.quantities.Acceleration("arm 3", "y").unit
     'm/s^2'
@@ -118,6 +126,8 @@ class PointPosition(AbstractPointQuantity):
     - `point`: (3,) m in body axes.
     - `component`: "x", "y" or "z".
 
+    **Raises:** `ValueError` for an invalid point or another component.
+
     >>> cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y").unit
     'm'
     """
@@ -137,7 +147,9 @@ class PointVelocity(AbstractPointQuantity):
 
     - `body`: its name.
     - `point`: (3,) m in body axes.
-    - `component`: "x", "y", "z" in global axes, or ``None`` for the magnitude.
+    - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
+
+    **Raises:** `ValueError` for an invalid point or another component.
 
     >>> cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y").unit
     'm/s'
@@ -161,11 +173,13 @@ class PointAcceleration(AbstractPointQuantity):
 
     **Arguments:**
 
-    - `body`: its name.
+    - `body`: its name, which can't be the ground.
     - `point`: (3,) m in body axes.
-    - `component`: "x", "y", "z", or ``None`` for the magnitude.
+    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
     - `axes`: "global", the default, or "body", in which the component is taken.
     - `gravity`: whether the scene's gravity is subtracted from the acceleration; by default not.
+
+    **Raises:** `ValueError` for an invalid point, or other components or axes.
 
     >>> point = (0.06, 0, 0)
     >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
@@ -286,7 +300,7 @@ class Angle(AbstractBodyQuantity):
                 require_axis(name, direction)
                 sine = np.linalg.norm(np.cross(self.about, direction))
                 lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
-                # The margin is far above rounding errors.
+                # The margin, a sine of 1e-9, is far above rounding errors.
                 expected = f"a direction that is not parallel to `about` = {self.about}"
                 require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
 
@@ -313,7 +327,8 @@ class Distance(AbstractQuantity):
 
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: (3,) m in body axes.
-    - `along`: (3,) in the first body's axes, any length; ``None`` for the straight distance.
+    - `along`: (3,) in the first body's axes, any length; ``None``, the default, for the straight
+      distance. The signed distance is positive if the second point is ahead of the first.
 
     **Raises:** `ValueError` if a point or the axis is invalid.
 
@@ -345,7 +360,7 @@ class Distance(AbstractQuantity):
             require_known(argument, getattr(self, argument), [GROUND, *scene.bodies])
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the distance, m."""
+        """Return the distance, m; with `along` it has a sign."""
         first, second = now.motions[self.first], now.motions[self.second]
         start = first.point(Vector(*self.point_first))
         apart = second.point_from(start, Vector(*self.point_second))

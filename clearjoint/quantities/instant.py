@@ -36,6 +36,17 @@ class Instant:
     motion, and its variables, which are the coordinates and velocities. An instant is a PyTree;
     flattening drops the function that gives the instants `inside` its step.
 
+    **Arguments:**
+
+    - `system`: the equations of motion of the scene.
+    - `own_time`: s, since the system's `origin`, a time of the scene near which a run starts;
+      without an origin it is the scene's time. The attribute `time` is always the scene's.
+    - `variables`: coordinates and velocities, as `system.encode` returns them.
+    - `entry_speeds`, `bristles`: m/s and m, by joint and contact; empty if no law uses them.
+    - `work`: see above.
+    - `inside`: function that returns the instant at a fraction, 0 to 1, of the step that ends at
+      this instant; ``None``, the default, if no step ends here.
+
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
     >>> variables = system.encode(state.bodies)
@@ -93,7 +104,8 @@ class Instant:
     def entry_speeds(self) -> EntrySpeeds:
         """Entry speeds of the current contacts, m/s, ``entry_speeds[joint][contact]``.
 
-        An entry speed is the penetration rate at the onset; it is zero without contact.
+        An entry speed is the penetration rate at the onset. Contacts whose law doesn't use it have
+        no entry. It is zero without contact, and 1e9 m/s if the onset was before the start.
         """
         return by_name(self._entry_speeds)
 
@@ -101,7 +113,8 @@ class Instant:
     def bristles(self) -> Bristles:
         """Bristle deflections, m, ``bristles[joint][contact]``; zero without contact.
 
-        Each is a vector in the axes of the joint's first body.
+        Each is a vector in the axes of the joint's first body. Contacts without bristles have no
+        entry.
         """
         return by_name(self._bristles)
 
@@ -167,7 +180,8 @@ class Instant:
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
         """The `dynamics` in absolute coordinates, in which every ideal joint has multipliers."""
-        # Joint coordinates eliminate ideal joints, whose multipliers are then unknown.
+        # Joint coordinates eliminate ideal joints, whose multipliers are then unknown. The same
+        # state in absolute coordinates has the same accelerations.
         formulation, coordinates = self._system.formulation, AbsoluteCoordinates()
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics

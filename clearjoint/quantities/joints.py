@@ -64,6 +64,7 @@ class AbstractContactQuantity(AbstractJointQuantity):
         **Raises:** `ValueError` with the available names.
         """
         super().check(scene)
+        # ``None`` stands for all contacts of the joint, where a subclass allows it.
         if self.contact is not None:
             require_known("contact", self.contact, scene.laws()[self.joint])
 
@@ -145,7 +146,8 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
     It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
-    law uses the entry speed.
+    law uses the entry speed; for others a run raises a ``KeyError``. A contact that had begun
+    before the start of the run has an unknown entry speed, for which 1e9 m/s is returned.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -233,6 +235,8 @@ class JournalOffset(AbstractJournalQuantity):
       the axes of the body.
     - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
 
+    **Raises:** `ValueError` for another component or base.
+
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
     >>> probes["x"].unit
     'm'
@@ -251,6 +255,8 @@ class Eccentricity(AbstractJournalQuantity):
 
     **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", one end of the journal,
     or ``None``, the default, for its centre.
+
+    **Raises:** `ValueError` for another base.
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
     >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
@@ -272,10 +278,11 @@ class Multiplier(AbstractJointQuantity):
     `Reaction` for them.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
-    dictionary that the joint's method `rows` returns.
+    dictionary that the joint's method `rows` returns. An unknown row raises a ``KeyError`` in the
+    run; `check` doesn't test it.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
-    >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the joint have this row?
+    >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
     """
 
     row: str = eqx.field(static=True)
@@ -329,6 +336,8 @@ class Reaction(AbstractReaction):
     - `body`: name of the body on which the force acts, which may be the ground.
     - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
 
+    **Raises:** `ValueError` for another component.
+
     >>> cj.quantities.Reaction("elbow", "arm 3").unit
     'N'
     """
@@ -361,8 +370,9 @@ class Reaction(AbstractReaction):
 class ReactionMoment(AbstractReaction):
     """Moment of an ideal joint on one of its bodies, N m: its magnitude or a component.
 
-    The moment refers to the joint's point on the body. For a driver it is the driving moment. With
-    redundant constraints it isn't unique, and the Lagrange multipliers of least norm are used.
+    The moment refers to the joint's point on the body, or to the centre of mass if the joint has no
+    point there. For a driver it is the driving moment. With redundant constraints it isn't unique,
+    and the Lagrange multipliers of least norm are used.
 
     **Arguments:**
 
@@ -403,6 +413,8 @@ class FilmForce(AbstractJointQuantity):
     **Arguments:** `joint`: name of a joint with a film. `component`: "x", "y", "z" in global axes,
     or ``None``, the default, for the magnitude.
 
+    **Raises:** `ValueError` for another component.
+
     >>> force = cj.quantities.FilmForce("bearing", "y")
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
     """
@@ -412,6 +424,7 @@ class FilmForce(AbstractJointQuantity):
 
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints with a film."""
+        # The classes that override `film_wrenches`, whose default returns no wrench.
         kinds = {name: type(joint) for name, joint in scene.contact_joints().items()}
         default = AbstractContactJoint.film_wrenches
         return [name for name, kind in kinds.items() if kind.film_wrenches is not default]

@@ -112,7 +112,7 @@ def check_law(
     - the stored energy is the integral of the elastic force over the penetration, and the
       difference of force and elastic force dissipates energy;
     - the derivatives of the force by penetration, rate, entry speed and each parameter of the law
-      are finite, and agree with finite differences;
+      are finite, and agree with finite differences at some points where usual laws are smooth;
     - the force jumps only at the onset and at separation, where integration steps end. The law must
       declare such a jump (`AbstractContactLaw.force_jumps`), and the check warns of it;
     - the force is the elastic force if the entry speed is unknown;
@@ -239,6 +239,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
         f"The force jumps by {by_rate[k]:.3g} N with the rate, at {rates[k]:.3g} m/s and a depth "
         f"of {depth[k]:.3g} m, where no integration step ends: smooth it.",
     )
+    # A jump at the onset or at separation is allowed if it is declared, with a warning.
     at_onset = jnp.where(at_edge, sizes, 0.0)
     k = int(jnp.argmax(jnp.abs(at_onset)))
     if at_onset[k] == 0.0:
@@ -252,7 +253,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
         f"{statement}. Integration steps end there and `sensitivities` includes the effect of the "
         "jump, but direct differentiation of `simulate` does not. If the jump is unintended, let "
         "the damping grow with the depth.",
-        stacklevel=3,
+        stacklevel=3,  # the line that calls `check_law`
     )
 
 
@@ -297,7 +298,9 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     The check evaluates the law for bristle deflections up to ten times the full deflection, the
     one in steady sliding, and slips up to 1 m/s. It demands that
 
+    - the full deflection is positive;
     - the deflection is constant without slip, and shrinks in sliding if it is too large;
+    - the friction is zero without deflection and slip, and doesn't drive steady sliding;
     - the stored energy is zero without deflection and never negative;
     - the derivatives by the deflection, the slip and the parameters of the law are finite, even
       without slip;

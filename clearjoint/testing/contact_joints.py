@@ -147,6 +147,8 @@ def _check_slopes(
     exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
     paths = jax.tree_util.tree_leaves_with_path(numbers)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
+    # Each parameter changed by its magnitude, so these derivatives are in m. The term of 1e-3 m
+    # allows for the rounding errors of lengths where a derivative is zero.
     allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
     for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
         message = f"the derivative of its penetration by `{name}` does not agree with differences"
@@ -201,6 +203,7 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
     for label, bristle_law in joint.bristle_laws().items():
         bristles[label] = Vector(0.5 * bristle_law.full_deflection(), 0.0, 0.0)
     loaded_contacts = {}
+    # No contact is declared closed or open (``None``): its penetration decides.
     for label, law in joint.laws().items():
         contact, entry_speed = contacts[label], ENTRY_SPEED if law.uses_entry_speed else None
         loaded = contact_force(joint, label, law, contact, entry_speed, None, motions, bristles)
@@ -249,6 +252,7 @@ def _failures(
             sliding = across - normal * across.dot(normal)
             message = "its slip is not the tangential velocity of the surfaces"
             failed[message] = _is_nonzero(contact.slip - sliding)
+            # Bristles store energy, so that their friction may drive the slip for a while.
             if label not in joint.bristle_laws():
                 driven = loaded.friction.dot(contact.slip) > TOLERANCE * loaded.normal_force
                 failed["friction drives the slip"] = jnp.asarray(driven)
@@ -289,10 +293,11 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Row
 
 
 def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return one row for each parameter of the joint, (p, n), in which this parameter changes by
-    its magnitude and all other elements of `point`, (n,), are zero.
+    """Return one direction of change for each parameter of the joint, as rows, (p, n).
 
-    The parameters are the first p elements of a point.
+    In its row, the parameter has the largest magnitude of the numbers in its field, or 1 if these
+    are zero; all other elements are zero. `point` is a vector (n,) of all parameters and motions,
+    of which the parameters are the first p elements.
     """
     leaves = jax.tree.leaves(numbers)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
@@ -336,7 +341,8 @@ def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.A
 
 
 def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Return whether the length of a vector exceeds `TOLERANCE` times (1 + `size`).
+    """Return whether the length of a vector exceeds `TOLERANCE` times (1 + `size`), or is not
+    finite.
 
     **Arguments:** `size`: length of the vectors of which this vector is the sum.
     """

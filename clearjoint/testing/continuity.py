@@ -10,7 +10,8 @@ from jaxtyping import Float
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece, after which its ends are adjacent floats."""
+"""Number of bisections of each piece. Its ends are then adjacent floats, except near zero, where
+they are closer together than 1e-30 times the piece."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
@@ -22,7 +23,7 @@ class Jumps(NamedTuple):
     """The largest jump of a function in each of N intervals.
 
     - `sizes`: value on the right minus value on the left of the jump; zero without a jump.
-    - `positions`: arguments at which the function jumps.
+    - `positions`: arguments at which the function jumps; without a jump they have no meaning.
     """
 
     sizes: Float[jax.Array, " N"]
@@ -47,20 +48,23 @@ def jumps(
     """Return the largest jump of a function in each of N intervals, and its position.
 
     Each interval is divided into pieces, and each piece is bisected: the half with the larger
-    change of the function is kept, until its ends are adjacent floats. The remaining change is a
-    jump if it is about as large as the change after half of the bisections; for a continuous
-    function with an infinite slope, such as a square root, it would have decreased in between. A
-    jump that is smaller than the continuous change of the function within a piece may be missed.
+    change of the function is kept, until its ends are practically adjacent floats. The remaining
+    change is a jump if it is about as large as the change after half of the bisections; for a
+    continuous function with an infinite slope, such as a square root, it would have decreased in
+    between. A jump that is smaller than the continuous change of the function within a piece may be
+    missed.
 
     **Arguments:** `function`: returns values (N,) for arguments (N,), of which the k-th lies in the
     k-th interval; `left`, `right`: ends of the intervals, (N,).
     """
+    # All arrays have one row for each piece and one column for each interval.
     ends = jnp.linspace(left, right, PIECES + 1)
     values = jax.vmap(function)
     start = _Piece(ends[:-1], ends[1:], values(ends[:-1]), values(ends[1:]))
 
     def bisect(k: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
-        """Halve all pieces; also return their change after half of the bisections."""
+        """Replace each piece by its half with the larger change of the function. Also return the
+        change of the pieces after half of the bisections, once it is known."""
         piece, halfway = state
         change = jnp.abs(piece.value_right - piece.value_left)
         halfway = jnp.where(k == HALVINGS // 2, change, halfway)

@@ -29,8 +29,8 @@ derivatives are compared with finite differences."""
 STEP = 1e-6
 """Step of central differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to the largest derivative of the same component
-of the force. It is far above the errors of finite differences."""
+"""Largest accepted error of a derivative, relative to the larger of the derivatives of both
+components of the force by the same number. It is far above the errors of finite differences."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
 """Function of a film and a state (4,), the x and y of the journal's offset and of its rate; it
 returns the x and y of the force on the journal, (2,) N."""
@@ -47,12 +47,13 @@ def check_film(
     The check evaluates the film for offsets of the journal from the bearing's axis, from zero to
     0.99 clearances, and various rates of the offset. It demands that
 
-    - the film dissipates energy, and exerts no force without motion;
+    - the film supplies no energy, and exerts no force without motion;
     - the force and its derivatives by offset, rate and parameters of the film are finite, even at
-      zero offset and zero rate; elsewhere the derivatives by offset and rate agree with finite
-      differences;
-    - the force turns with offset and rate if these are turned about the axis, and doesn't jump;
-    - the drag is finite and opposes the spin;
+      zero offset and zero rate; at two states where films are smooth, the derivatives by offset and
+      rate agree with finite differences;
+    - the force turns with offset and rate if these are turned about the axis, and doesn't jump when
+      only the direction of the rate changes;
+    - the drag torque is finite and doesn't drive the journal's spin;
     - `jax.vmap` gives the same result as a single evaluation.
 
     **Arguments:** `film`: the law; `bearing_radius`, `clearance` (radial), `length`: of the
@@ -77,6 +78,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
         on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
         return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
 
+    # `jax.jacfwd` differentiates arrays, not Python numbers.
     film = jax.tree.map(jnp.asarray, film)
     yield from _complaints_of_force(force, film)
     yield from _complaints_of_drag(film, *sizes)
@@ -126,7 +128,10 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Return the x and y components in `rows`, (N, 2) or (N, 4), turned by `angle`, rad."""
+    """Return the vectors in `rows` turned by `angle`, rad, which is arbitrary by default.
+
+    A row has the x and y components of one vector, (N, 2), or of two, (N, 4).
+    """
     c, s = np.cos(angle), np.sin(angle)
     pairs = rows.reshape(len(rows), -1, 2)
     return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
@@ -137,6 +142,7 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
     **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
     """
+    # All combinations of a spin, rad/s, and an eccentricity ratio; the rate is arbitrary.
     spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
     gap = FilmGap(UNIT_Z, Vector(ratios, 0.0, 0.0), Vector(1.0, 2.0, 0.0), spins, *sizes)
     drag = jnp.asarray(film.drag(gap))
@@ -167,6 +173,7 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message if the force along the offset jumps while the rate of the offset, of constant
     size, makes a full turn."""
+    # With the offset along x, the force's x component at an angle of the rate, whose length is 1/s.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:

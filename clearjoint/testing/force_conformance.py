@@ -28,8 +28,10 @@ def check_force(
 
     The check demands that
 
-    - forces and moments on the bodies add up to zero, if the element returns them for all of its
-      bodies (those on the ground, which runs ignore, may be missing);
+    - the wrenches are finite and act on bodies named by `body_names` only;
+    - forces and moments on the bodies add up to zero, if the element has several bodies and returns
+      a wrench for each. An element with one body, such as a load from outside, and one that leaves
+      out the wrench on the ground, which runs ignore, are exempt: their reactions aren't known;
     - the power by which the element changes the scene's total energy (`supplied_power`) is the
       power of its forces on the bodies plus the rate of its stored energy;
     - derivatives by motions and parameters are finite, even at rest;
@@ -41,7 +43,8 @@ def check_force(
     - `motions`: motion of each body of the element, from `moving`, by the body's name; include
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
     - `time`: time of evaluation, s, which must not be a breakpoint of the element.
-    - `tolerance`: largest accepted relative error of the balances of force and energy.
+    - `tolerance`: largest accepted error of the balances of force, moment and energy, relative to
+      the largest force or moment, or to 1 W plus the powers.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -57,6 +60,7 @@ def check_force(
     ensure(wrenches.keys() <= motions.keys(), "There is a wrench on a body not in body_names().")
     for leaf in jax.tree.leaves(wrenches):
         ensure(jnp.isfinite(leaf), "The force is not finite.")
+    # Without the wrench on each of at least two bodies, a reaction is unknown: no sum to check.
     if len(motions) > 1 and wrenches.keys() == motions.keys():
         _check_balance(wrenches, motions, tolerance)
     _check_power(force, motions, time, tolerance)
@@ -122,7 +126,7 @@ def _check_power(
 
 def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
     """Check that the derivatives of the wrenches by motions and parameters are finite, at the given
-    motions and at rest."""
+    motions and with all bodies at rest, where norms of velocities have no derivative."""
     numbers, rest = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
 
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
@@ -142,11 +146,13 @@ def _at_rest(motion: Motion) -> Motion:
 
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
     """Check that `jax.vmap` over two motions gives the same wrenches as single evaluations."""
+    # The second lane differs from the first: the same bodies 0.1 s later.
     lanes = [motions, moved(motions, 0.1)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
     together = jax.vmap(lambda lane: _wrenches(force, lane, time))(stacked)
     single = [_wrenches(force, lane, time) for lane in lanes]
     expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *single)
+    # Compiled code may round differently: 1e-9 is far above rounding errors.
     same = jax.tree.map(lambda a, b: jnp.allclose(a, b, rtol=1e-9, atol=1e-9), together, expected)
     message = "The force under vmap differs from a single evaluation."
     ensure(all(jax.tree.leaves(same)), message)

@@ -19,7 +19,7 @@ def native_seconds() -> dict[str, float]:
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'tracing', 'writing']
     """
-    # There is no list of all programs.
+    # There is no list of all programs, but the garbage collector knows all objects.
     programs = [each for each in gc.get_objects() if isinstance(each, Code)]
     stages = ("tracing", "lowering", "writing", "compiling")
     return {stage: sum(program.seconds[stage] for program in programs) for stage in stages}

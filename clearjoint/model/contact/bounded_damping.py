@@ -42,8 +42,10 @@ class ElastoGap(AbstractBoundedDampingLaw):
     **Arguments:**
 
     - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
-    - `damping`: D, N s/m.
+    - `damping`: D, N s/m, not negative.
     - `exponent`: n, at least 1; 1 by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> law = cj.laws.ElastoGap(stiffness=1e6, damping=5e3)
     >>> print(law.force(extend.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
@@ -71,9 +73,11 @@ class ImpactFunction(AbstractBoundedDampingLaw):
     **Arguments:**
 
     - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
-    - `damping`: D, N s/m, the damping at depths of at least d.
+    - `damping`: D, N s/m, the damping at depths of at least d; not negative.
     - `full_damping_depth`: d, m, up to which the damping rises from zero by a cubic polynomial.
     - `exponent`: n, at least 1; 1.5 by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -108,8 +112,10 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
 
     - `restitution`: c, 0 to 1.
     - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
-    - `transition_speed`: m/s, scale of the hyperbolic tangent.
+    - `transition_speed`: m/s, positive, scale of the hyperbolic tangent; 1e-3 by default.
     - `exponent`: n, at least 1; 1 by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> law = cj.laws.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, compression
@@ -131,7 +137,11 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution."""
+        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution.
+
+        It doesn't depend on the rate, so that it is conservative. The rest of the force, at most
+        (1 - c) K delta^n/2, opposes the rate and dissipates energy.
+        """
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:

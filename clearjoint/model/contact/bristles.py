@@ -117,7 +117,9 @@ class Dahl(AbstractBristleFriction):
     **Arguments:**
 
     - `coefficient`: mu, friction over normal force in sliding.
-    - `stiffness`: sigma0, 1/m, bristle stiffness over normal force.
+    - `stiffness`: sigma0, 1/m, bristle stiffness over normal force; 1e5 by default.
+
+    **Raises:** `ValueError` if a value is not positive.
 
     >>> friction = cj.frictions.Dahl(0.1, stiffness=1e5)
     >>> print(f"{friction.full_deflection():.1e} m")  # mu/sigma0
@@ -206,7 +208,10 @@ class LuGre(AbstractDampedBristles):
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
     - `stribeck_speed`: v_S, m/s.
     - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
-      normal force.
+      normal force; 1e5, 0 and 0 by default.
+
+    **Raises:** `ValueError` if `damping` or `viscosity` is negative, another value isn't positive,
+    or mu_S is below mu_C.
 
     >>> friction = cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.sliding_ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
@@ -240,7 +245,10 @@ class ElastoPlastic(AbstractDampedBristles):
     - `stribeck_speed`: v_S in g(v), m/s.
     - `elastic_deflection`: z_ba, m, below mu_C/sigma0.
     - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
-      normal force.
+      normal force; 1e5, 0 and 0 by default.
+
+    **Raises:** `ValueError` if `damping` or `viscosity` is negative, another value isn't positive,
+    mu_S is below mu_C, or z_ba is too large.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))

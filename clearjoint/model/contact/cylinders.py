@@ -21,7 +21,7 @@ from .laws import AbstractElasticity, AbstractMaterialPair
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each."""
+"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each, more than smooth formulas need."""
 _STRAIGHT_FROM = 0.99
 """Fraction of the largest penetration, where some formulas have an infinite stiffness, from which
 the force is extrapolated linearly."""
@@ -37,8 +37,11 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
-    - `length`: of the line, m. Each base of a `ClearanceJoint` applies the full law: use half the
-      journal's length.
+    - `length`: of the line, m. Each base of a `ClearanceJoint` (the journal's two end circles)
+      applies the full law: use half the journal's length.
+
+    **Raises:** `ValueError` if a modulus or the length is not positive, or a Poisson's ratio is
+    outside [-1, 0.5].
 
     ```python
     import clearjoint as cj
@@ -100,6 +103,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             load = self.line_force(gap, depth)
         else:
+            # The formula up to the depth `end`, and its tangent beyond.
             end, _, slope = straight
             beyond = jnp.maximum(depth - end, 0.0)
             load = self.line_force(gap, jnp.minimum(depth, end)) + slope * beyond
@@ -113,6 +117,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         if straight is None:
             energy = self.line_energy(gap, depth)
         else:
+            # Beyond the depth `end` the integral is that of a straight line.
             end, load, slope = straight
             beyond = jnp.maximum(depth - end, 0.0)
             energy = self.line_energy(gap, jnp.minimum(depth, end))
@@ -187,6 +192,8 @@ class PereiraCylinder(AbstractCylinder):
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the force per length, N/m, which is a thousand times the formula's N/mm."""
         clearance = 1e3 * radii_of(gap)[2]
+        # The clip keeps the logarithm positive: it vanishes at a clearance of 0.001 mm, which is
+        # below the valid range.
         narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance, 5e-3, 0.34954)) ** -0.151
         slope = jnp.where(clearance < 0.34954, narrow, 0.0151 * clearance + 1.151)
         exponent = slope * clearance**-0.005
@@ -213,8 +220,10 @@ class PerssonCylinder(AbstractCylinder):
     P = F/L is the load per length, dR the clearance, epsilon the half-angle of the contact, and
     E' = E/(1 - nu^2). Persson's theory doesn't give the penetration delta. Here the half-angle
     follows from the overlap of the undeformed circles as in `LiuCylinder`, cos(half-angle) =
-    dR/(dR + delta). For small penetrations the force is then several times that of the other laws.
-    Use `load` and `half_angle` to find where these laws become invalid.
+    dR/(dR + delta). For small penetrations the force is then several times that of the other
+    formulas for line contacts. `half_angle` and `load` show where a contact is too conformal for
+    formulas that assume a small half-angle. For different materials, E' is replaced by 2 E*, where
+    1/E* is the sum of (1 - nu^2)/E of both.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees

@@ -7,7 +7,8 @@ and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
 `restitution` is c, the requested ratio of rebound speed to entry speed in a free impact. The actual
 ratio follows from chi alone, and most of the published factors meet the request only approximately.
 The examples print the ratio that a law delivers, which `delivered_restitution` computes.
-`ExactRestitution` delivers the requested value. All arguments are described in `AbstractDampedLaw`.
+`ExactRestitution` delivers the requested value. All arguments, and the values that are refused, are
+described in `AbstractDampedLaw`.
 """
 
 import equinox as eqx

@@ -81,7 +81,7 @@ def damping_ratio(restitution: Scalar) -> Scalar:
     """Return the damping ratio of a linear oscillator from the loss of speed in half a period.
 
     It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless, if the speed falls by the factor c =
-    `restitution`.
+    `restitution`, in (0, 1].
     """
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
@@ -115,6 +115,9 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     - `stiffness`: K, a number in N/m^n or an `AbstractStiffness`.
     - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
       against a wall.
+
+    **Raises:** `ValueError` if the restitution is not in (0, 1], the mass is not positive, or the
+    stiffness is an elasticity that is not a power of the penetration.
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
@@ -217,6 +220,7 @@ class Jankowski(AbstractTunedDashpotLaw):
         return 2.0 * ratio * self._root(gap)
 
     def _damped_rate(self, gap: Gap) -> Scalar:
+        """Return the penetration rate, m/s, or zero in the rebound, which is not damped."""
         return jnp.maximum(gap.rate, 0.0)
 
 
@@ -227,6 +231,8 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
     - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
     - `damping_coefficient`: D, N s/m^(1+m), not negative.
+
+    **Raises:** `ValueError` if D is negative or the stiffness is invalid.
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)

@@ -66,8 +66,10 @@ class AbstractFriction(AbstractConverting):
 class AbstractRegularisedFriction(AbstractFriction):
     """Base class of Coulomb friction that is regularised at low speed.
 
-    Well above the `regularisation_speed`, m/s, the ratio of friction to normal force is the
-    `coefficient` mu.
+    Well above the `regularisation_speed`, m/s, the ratio of friction to normal force is constant:
+    the `coefficient` mu, or a fixed fraction of it.
+
+    **Raises:** `ValueError` if mu is negative or the speed is not positive.
     """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
@@ -136,7 +138,11 @@ class Ambrosio(AbstractFriction):
 
     $$\mu(v) = \mu\, \frac{v - v_0}{v_1 - v_0}, \quad v_0 \le v \le v_1$$
 
+    Below v0 it is zero, above v1 it is mu.
+
     **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s.
+
+    **Raises:** `ValueError` if mu or v0 is negative, or v1 is not above v0.
 
     >>> friction = cj.frictions.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
     >>> print(f"{friction.ratio(0.55e-3):.4f}")  # half-way
@@ -167,7 +173,7 @@ class Ambrosio(AbstractFriction):
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Check that the breakaway coefficient is not smaller than the kinetic coefficient."""
+    """Raise a ``ValueError`` if the breakaway coefficient is smaller than the kinetic one."""
     require_numbers(
         lambda slow, fast: slow >= fast,
         "breakaway",
@@ -180,7 +186,10 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 class AbstractFallingFriction(AbstractFriction):
     """Base class of friction that falls with the slip speed from a maximum to a lower limit.
 
-    `breakaway` is the maximum mu_S of the coefficient, `kinetic` its limit mu_C at high speed.
+    `breakaway` is mu_S, the maximum of friction over normal force, which some laws reach only
+    approximately. `kinetic` is mu_C, its limit at high speed.
+
+    **Raises:** `ValueError` if mu_S or mu_C is negative, or mu_S is below mu_C.
     """
 
     breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
@@ -201,8 +210,10 @@ class Stribeck(AbstractFallingFriction):
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
     - `stribeck_speed`: v_S, m/s.
-    - `exponent`: delta, at least 1.
+    - `exponent`: delta, at least 1; 2 by default.
     - `regularisation_speed`: v_d, m/s, well below v_S; otherwise the peak is below mu_S.
+
+    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
     >>> friction = cj.frictions.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
@@ -238,8 +249,10 @@ class BengisuAkay(AbstractFallingFriction):
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `breakaway_speed`: v0, m/s.
-    - `decay`: xi, s/m.
+    - `breakaway_speed`: v0, m/s, positive.
+    - `decay`: xi, s/m, positive.
+
+    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
     >>> friction = cj.frictions.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
@@ -268,7 +281,9 @@ class BrownMcPhee(AbstractFallingFriction):
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `transition_speed`: v_t, m/s.
+    - `transition_speed`: v_t, m/s, positive.
+
+    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
     >>> friction = cj.frictions.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")

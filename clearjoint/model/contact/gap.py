@@ -31,7 +31,7 @@ class Gap:
 
     @property
     def journal_radius(self) -> Scalar:
-        """Bearing radius minus clearance, m."""
+        """Bearing radius minus clearance, m; only for a gap that has both."""
         assert self.bearing_radius is not None and self.clearance is not None
         return self.bearing_radius - self.clearance
 
@@ -84,6 +84,7 @@ def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
+        # ``None`` stands for a traced number, whose value is unknown.
         if limit.quantity != quantity or any(number is None for number in numbers):
             continue
         value, least, most = (float(number) for number in numbers if number is not None)

@@ -38,9 +38,14 @@ class AbstractHertzianLaw(AbstractElasticLaw):
       replaces K delta^n.
     - `exponent`: n, at least 1; as a static field, the values 1 and 1.5 are computed without a
       general power. A cylinder ignores it.
-    - `smoothing`: width w in m, or ``None``. With it, a smooth ramp that begins at delta = -w
-      replaces the penetration, and a ramp of the relative width w/(w + delta) replaces the lower
-      limit of zero of the damping's factor.
+    - `smoothing`: width w in m, or ``None``. With it, the penetration is replaced by a ramp that
+      begins at delta = -w, is the parabola (delta + w)^2/(4 w) up to delta = w, and delta above.
+      The factor 1 + chi rate/entry speed, which is otherwise limited to at least zero, is replaced
+      by such a ramp of the factor, with the dimensionless width w/(w + delta); delta counts as zero
+      in it before contact.
+
+    **Raises:** `ValueError` if n is below 1, or the width is not positive or given with a stiffness
+    that is not an `AbstractStiffness`.
 
     ```python
     import clearjoint as cj
@@ -122,6 +127,11 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.elastic_force(gap) * ramp(factor, self._clamp_width(gap))
 
     def _clamp_width(self, gap: Gap) -> Scalar | None:
+        """Return the dimensionless width w/(w + delta) of the ramp that limits the damping.
+
+        It is one at the onset and tends to zero at penetrations delta well above the smoothing
+        width w, where only the usual limit of zero remains. Without smoothing it is ``None``.
+        """
         if self.smoothing is None:
             return None
         return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
@@ -135,6 +145,12 @@ class Hertz(AbstractHertzianLaw):
     r"""Purely elastic contact, F = K delta^n (H. Hertz 1881); it doesn't use the entry speed.
 
     $$F = K \delta^n$$
+
+    **Arguments:** `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an
+    `AbstractCylinder`. `exponent`: n, at least 1; 1.5 by default. `smoothing`: width in m over
+    which the force begins smoothly, or ``None``, the default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> law = cj.laws.Hertz(stiffness=1e9)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
@@ -161,6 +177,16 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     impacts have the restitution `delivered_restitution`. Slower impacts lose less and faster
     impacts more, as with metals. Unlike with `HuntCrossley`, a contact with a slow onset has no
     large damping, which would make the differential equations stiff.
+
+    **Arguments:**
+
+    - `restitution`: c, 0 to 1.
+    - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
+    - `design_speed`: v, m/s, positive.
+    - `exponent`: n, at least 1; 1.5 by default.
+    - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> law = cj.laws.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
     >>> print(f"{law.delivered_restitution():.4f}")
@@ -203,8 +229,10 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
     - `exponent`: n, at least 1; 1.5 by default.
     - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
-    - `entry_speed_floor`: m/s; slower entry speeds are replaced by it, because the damping diverges
-      at zero entry speed.
+    - `entry_speed_floor`: m/s, positive, 1e-6 by default; slower entry speeds are replaced by it,
+      because the damping diverges at zero entry speed.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     ```python
     import clearjoint as cj

@@ -24,7 +24,8 @@ from ...math.vectors import Scalar
 from .gap import Gap, Limit
 
 SOFTEST_CONTACT = 1e6
-"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued."""
+"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued, since it is far below
+that of solid bodies and may be in another unit."""
 SOLIDS = 1e9, 2e12
 """Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
 _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
@@ -108,6 +109,8 @@ class AbstractStiffness(AbstractElasticity):
 class GivenStiffness(AbstractStiffness):
     """An explicit constant stiffness, N/m^n.
 
+    **Raises:** `ValueError` if it is not positive. **Warns:** `UnusualValueWarning` below 1e6.
+
     >>> cj.laws.GivenStiffness(1e9).value(extend.Gap(depth=1e-6, rate=0.0)).item()
     1000000000.0
     """
@@ -126,6 +129,9 @@ class AbstractMaterialPair(AbstractConverting):
 
     - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None`` for the bearing's.
+
+    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
     """
 
     young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
@@ -160,6 +166,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
 
+    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
     6.61e+10 N/m^1.5
@@ -173,7 +181,10 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
 
 def as_stiffness(value: object) -> AbstractElasticity:
-    """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`."""
+    """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`.
+
+    **Raises:** `ValueError` if the value is neither, or not positive.
+    """
     return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)
 
 
@@ -317,13 +328,15 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
 
 def require_exponent(exponent: Single) -> None:
-    """Check that the exponent of a power law is at least 1."""
+    """Raise a ``ValueError`` if the exponent of a power law is below 1, where the stiffness would
+    be infinite at the onset."""
     condition = "at least 1", "use 1.5 for Hertz"
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 
 def require_rebound(restitution: Single) -> None:
-    """Check that the restitution is positive, for a law whose damping is infinite at zero."""
+    """Raise a ``ValueError`` unless the restitution is positive, for a law whose damping is
+    infinite at zero."""
     remedy = "its damping is infinite at 0; use a small value such as 0.01"
     expected = "positive for this law"
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
@@ -343,6 +356,7 @@ def require_flat_law(law: object, surfaces: str) -> None:
         "an AbstractContactLaw",
         "pass a law such as HuntCrossley(0.5, 1e8)",
     )
+    # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
         require(
             isinstance(law.stiffness, GivenStiffness),

@@ -6,6 +6,11 @@ number k. The penetration has a maximum at the load A exp(k - 1), beyond which t
 invalid. With u = ln(A/P) + k and the length L the force is L delta/(S u). u follows from the ratio
 d of the penetration to its maximum: u - 1 - ln u = -ln d, for all laws. In the formulas dR is the
 clearance, and R_i and R_j are the radii of bearing and journal.
+
+The arguments of all classes are those of `AbstractCylinder`: `young_modulus`, Pa, and
+`poisson_ratio` of the bearing, those of the journal (`journal_young_modulus`,
+`journal_poisson_ratio`; the bearing's by default), and the `length` L of the line, m. Beyond the
+largest penetration, and from 99 % of it, the force continues along its tangent.
 """
 
 import math
@@ -40,6 +45,7 @@ def inverse_of_load(ratio: Scalar) -> Scalar:
 
 @inverse_of_load.defjvp
 def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    # The derivative of ln u + 1 - u = ln ratio: du (1/u - 1) = d(ratio)/ratio.
     (ratio,), (tangent,) = primals, tangents
     u = inverse_of_load(ratio)
     return u, -u / ((u - 1.0) * ratio) * tangent
@@ -128,6 +134,7 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     """
 
     constant = 2.0 / 3.0
+    # ln(4 R_i/b) + ln(4 R_j/b) = ln(16 R_i R_j/b^2) = ln(6.25 E* dR/P), since 16/1.6^2 = 6.25.
     factor = 6.25
 
 

@@ -93,7 +93,8 @@ def _logarithm(e: Scalar) -> Scalar:
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
     # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
-    # from the asymptote for small e.
+    # for small e from one above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
+    # logarithm finite where the other start is used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
         e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
@@ -108,6 +109,8 @@ def _logarithm(e: Scalar) -> Scalar:
 
 @_logarithm.defjvp
 def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    """Return y and its tangent, -(dr/de)/(dr/dy) times that of e, for the residual r = 0 of
+    `_relation`."""
     (e,), (along,) = primals, tangents
     y = _logarithm(e)
     by_y = jax.grad(_relation)(y, e)

@@ -53,6 +53,8 @@ class AbstractDrive(AbstractPair):
     - `axis`: (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero.
+
+    **Raises:** `ValueError` if the bodies are the same, or the axis or orientation is invalid.
     """
 
     axis: eqx.AbstractVar[Triple]
@@ -124,9 +126,10 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
         """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return one row, "angle": the angle minus the prescribed angle, rad.
+        """Return one row, "angle": the angle minus the prescribed angle, rad in [-pi, pi].
 
-        Whole revolutions are left out of the difference.
+        Whole revolutions are left out of the difference, since the bodies' positions determine the
+        angle only up to them.
         """
         row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
@@ -145,6 +148,8 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
     - `initial_angle`: rad, at time zero; zero by default.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    **Raises:** `ValueError` if the bodies are the same, or a value is invalid.
 
     >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
     >>> print(f"{drive.angle(0.1):.1f} rad")
@@ -324,7 +329,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
 
-    **Raises:** `ValueError` as for `PrescribedAngle`.
+    **Raises:** `ValueError` if the bodies are the same, `function` is not a continuous function of
+    time, or a point or the axis is invalid.
 
     >>> slide = cj.PrescribedTranslation(
     ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
@@ -397,10 +403,10 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
       body's frame to the first body's frame at angle zero; parallel frames by default.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
-    - `torque_limit`: N m, positive; ``None`` for no limit.
+    - `torque_limit`: N m, positive; ``None``, the default, for no limit.
 
-    **Raises:** `ValueError` if a value is outside its range, or the target is not a function of
-    time.
+    **Raises:** `ValueError` if the bodies are the same, a value is outside its range, or the target
+    is neither a number nor a function of time.
     """
 
     target: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
@@ -434,6 +440,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         # JAX differentiates floats only, not a time given as an integer.
         t = jnp.asarray(t, dtype=float)
         target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
+        # Within half a revolution: `angle` is known only up to whole revolutions.
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         if self.torque_limit is None:

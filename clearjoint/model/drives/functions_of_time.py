@@ -102,6 +102,9 @@ class AbstractTable(AbstractFunctionOfTime):
 
     The table consists of `times`, (N,) s, increasing, and `values`, (N,), or (N, 3) for the
     components of a force or torque.
+
+    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
+    is not finite, or the times are not increasing.
     """
 
     times: Column = quantity("s", table=True)
@@ -124,8 +127,8 @@ class Spline(AbstractTable):
     - `values`: (N,), or (N, 3) for a force.
     - `rates`: time derivatives of the values, of the same shape.
 
-    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
-    is not finite, or the times are not increasing.
+    **Raises:** `ValueError` if the arrays have different lengths or shapes or fewer than two rows,
+    a number is not finite, or the times are not increasing.
 
     >>> spline = cj.Spline.through([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
     >>> print(f"{spline(1.0):.1f}, {spline(0.5):.4f}")
@@ -242,11 +245,11 @@ class PiecewiseConstant(AbstractTable):
 
     **Arguments:**
 
-    - `times`: (N,) s, increasing.
+    - `times`: (N,) s, increasing, at least two.
     - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
 
-    **Raises:** `ValueError` if the arrays have different lengths, a number is not finite, or the
-    times are not increasing.
+    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
+    is not finite, or the times are not increasing.
     """
 
     jumps: ClassVar[bool] = True
@@ -254,6 +257,7 @@ class PiecewiseConstant(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""
         times, values = on_device(self.times), on_device(self.values)
+        # At its time a new value holds already; before the first time, the first value.
         return values[jnp.maximum(jnp.searchsorted(times, t, side="right") - 1, 0)]
 
     def breakpoints(self) -> PyTree:
@@ -286,6 +290,8 @@ class PiecewiseLinear(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""
         times, values = on_device(self.times), on_device(self.values)
+        # The interval that contains t, or the first or last one outside of the table, where the
+        # time is replaced by that of the table's end.
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         inside = jnp.clip(t, times[0], times[-1])
         fraction = (inside - times[k]) / (times[k + 1] - times[k])
@@ -329,6 +335,8 @@ def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
     """Return the value of a field declared by `single_in_time` in the form in which it is stored.
 
     A number becomes an array, (), and a Python function an `AbstractFunctionOfTime`.
+
+    **Raises:** `ValueError` if the value is neither a number nor a function.
     """
     return as_function_of_time(value) if callable(value) else as_number(value)
 
@@ -337,7 +345,10 @@ def as_triple_in_time(value: PyTree) -> PyTree:
     """Return the value of a field declared by `triple_in_time` in the form in which it is stored.
 
     Three numbers become an array, (3,); three components, of which at least one is a function, a
-    tuple; and a function that returns three numbers an `AbstractFunctionOfTime`.
+    tuple; and a function that returns three numbers an `AbstractFunctionOfTime`. The number of
+    components is checked later, when the element is made.
+
+    **Raises:** `ValueError` if a component is neither a number nor a function.
     """
     if isinstance(value, AbstractFunctionOfTime):
         return value
@@ -374,8 +385,10 @@ def vector_at(given: PyTree, t: Scalar) -> Vector:
     """
     if isinstance(given, Vector):
         return given
+    # Components of their own, of which at least one is a function.
     if isinstance(given, tuple):
         return Vector(*(value_at(part, t) for part in given))
+    # One function of time for all components.
     parts = given(t)
     shape, expected = _shape(parts), "a function of time that returns three numbers"
     remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
@@ -390,7 +403,8 @@ def _shape(value: PyTree) -> tuple[int, ...]:
 def breakpoints_of(*given: PyTree) -> PyTree:
     """Return the breakpoints of all functions of time in the given fields, s, as a tuple.
 
-    Breakpoints are the times of jumps and kinks. Constants and Python functions have none.
+    Breakpoints are the times of jumps and kinks. Constants have none, and those of Python functions
+    are unknown.
     """
     parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))

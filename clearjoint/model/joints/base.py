@@ -101,7 +101,10 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen; the default marks each point of `attachments`."""
+        """Draw the element with a pen, for figures and for a first arrangement of the bodies.
+
+        The default marks each point of `attachments`.
+        """
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
 
@@ -404,14 +407,17 @@ class AbstractContactJoint(AbstractElement):
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Check that two names of bodies are strings and differ."""
+    """Raise a ``ValueError`` unless two names of bodies are strings and differ."""
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")
 
 
 class AbstractPair(AbstractElement):
-    """An element between two different bodies."""
+    """Base class of elements between two different bodies.
+
+    **Raises:** `ValueError` if the two names are equal or no strings.
+    """
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
@@ -432,7 +438,12 @@ class AbstractPair(AbstractElement):
 
 
 class AbstractPairAtPoints(AbstractPair):
-    """An element between a point of one body and a point of another, (3,) m in body axes."""
+    """Base class of elements between a point of one body and a point of another.
+
+    `point_first` and `point_second` are the points, (3,) m in each body's axes.
+
+    **Raises:** `ValueError` if the names of the bodies are equal, or a point is invalid.
+    """
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)

@@ -218,7 +218,8 @@ def relative_angle_row(
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # An axis and its opposite define the same joint. With the nearer one, the shortest rotation
-    # between the axes exists. `direction` is `start` in the second body's axes at angle zero.
+    # between the axes exists. `direction` is `start` in the second body's axes at angle zero: the
+    # formula is this rotation, from a to b, of a vector perpendicular to a.
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
@@ -329,7 +330,8 @@ def _as_arrays(tree: PyTree) -> PyTree:
 def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
     """Return the twelve cases in which one velocity or spin component of two bodies is 1.
 
-    Order: velocity x, y, z and spin x, y, z of the first body, then of the second.
+    Their order is velocity x, y, z and spin x, y, z of the first body, then of the second. With
+    them, `rows_from_residual` finds the columns of a Jacobian.
     """
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]

@@ -75,8 +75,8 @@ class GearJoint(AbstractConstraint):
       components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
       default.
 
-    **Raises:** `ValueError` if a number of teeth is not whole and positive, or an axis or
-    orientation is invalid.
+    **Raises:** `ValueError` if two of the bodies are the same, a number of teeth is not whole and
+    positive, or an axis or orientation is invalid.
     """
 
     carrier: str = eqx.field(static=True)
@@ -92,6 +92,7 @@ class GearJoint(AbstractConstraint):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def __check_init__(self):
+        # Two gears and their carrier are three bodies.
         require_distinct(self.first, self.second)
         for gear in (self.first, self.second):
             remedy = "name the body that carries the gears"
@@ -102,7 +103,11 @@ class GearJoint(AbstractConstraint):
         return self.carrier, self.first, self.second
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh": the error of the first gear's angle, rad modulo a tooth."""
+        """Return the row "mesh": the error of the first gear's angle, rad modulo a tooth.
+
+        The error is the first angle plus the second angle times the ratio of the teeth (minus it
+        for an internal gear), less the offset.
+        """
         del t
         carrier, gears = motions[self.carrier], (self.first, self.second)
         axes = self.axis_first, self.axis_second
@@ -111,6 +116,7 @@ class GearJoint(AbstractConstraint):
             angle_about((self.carrier, gear), carrier, motions[gear], axis, orientation)
             for gear, axis, orientation in zip(gears, axes, orientations, strict=True)
         )
+        # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
         mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
         tooth = 2.0 * math.pi / self.teeth_first
@@ -191,7 +197,8 @@ class ScrewJoint(AbstractAxisJoint):
     - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
       negative for a left-handed one.
 
-    **Raises:** `ValueError` if the lead is zero, or a point or axis is invalid.
+    **Raises:** `ValueError` if the bodies are the same, the lead is zero, or a point or axis is
+    invalid.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
@@ -212,6 +219,10 @@ class ScrewJoint(AbstractAxisJoint):
         return cylindrical | {"thread": self._thread(motions)}
 
     def _thread(self, motions: Motions) -> Row:
+        """Return the row of the advance along the axis less the lead times the angle over 2 pi, m.
+
+        Its value is taken modulo the lead.
+        """
         advance = self._in_plane(motions, unit(self.axis_first))
         by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
         row = sum_of_rows((advance, by_angle))
@@ -257,9 +268,11 @@ class UniversalMotion(AbstractMotionAtPoints):
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
+        """Return the rotation of the child about its arm, from the orientation `reference`."""
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
     def _about_parent(self, angle: Scalar) -> EulerParameters:
+        """Return Euler parameters of a rotation by an angle, rad, about the parent's arm."""
         vector = self.arm_parent * sine(0.5 * angle)
         return EulerParameters(cosine(0.5 * angle), vector.x, vector.y, vector.z)
 
@@ -281,6 +294,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         """
         start, quarter = transverse_axes(self.arm_parent)
         arm = rotation_matrix(relative.orientation) @ self.arm_child
+        # The child's arm rotates with the cross about the parent's arm, which gives the first
+        # angle. What remains of the orientation is the rotation about the child's arm.
         first = polar_angle(arm.dot(quarter), arm.dot(start))
         reference = composed(self._about_parent(first), self._reference())
         second = self._about_child(reference).encode(relative)
@@ -328,7 +343,7 @@ class UniversalJoint(AbstractPairJoint):
     - `point_first`, `point_second`: centre of the cross on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: arm of the cross on each body, (3,) in body axes, any length.
 
-    **Raises:** `ValueError` if a point or axis is invalid.
+    **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
 
     >>> joint = cj.UniversalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier

@@ -39,12 +39,20 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
+        """Return three rows for coincident points: the components of the vector from the second
+        point to the first, m."""
         return coincident_points(*self._between(motions), self.point_first, self.point_second)
 
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
+        """Return the row that keeps unit vector `a` of the first body perpendicular to unit vector
+        `b` of the second, each in its body's axes."""
         return perpendicular(*self._between(motions), a, b)
 
     def _in_plane(self, motions: Motions, normal: Vector) -> Row:
+        """Return the row that keeps the second point in a plane through the first, m.
+
+        `normal` is the plane's unit normal in the first body's axes.
+        """
         points = self.point_first, normal, self.point_second
         return point_in_plane(*self._between(motions), *points)
 
@@ -52,6 +60,11 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return {"height": self._in_plane(motions, unit(normal))}
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
+        """Return the rows "offset 1" and "offset 2", which keep the second body's point on a line.
+
+        Their values are its distances, m, along two directions across the line, which has the
+        direction `axis` in the first body's axes and goes through the first body's point.
+        """
         first, second = transverse_axes(unit(axis))
         return {
             "offset 1": self._in_plane(motions, first),
@@ -59,7 +72,16 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
+        """Return the rows "rotation x", "rotation y" and "rotation z", which keep two orientations
+        equal.
+
+        Each keeps one axis of the first body's frame perpendicular to another axis of a frame that
+        is fixed to the second body. `orientation` transforms components in the second body's axes
+        to this frame.
+        """
         relative = rotation_matrix(orientation)
+        # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
+        # changes only the first of these products, and so on.
         return {
             label: self._perpendicular(motions, a, relative.transposed_times(b))
             for label, a, b in (
@@ -107,6 +129,8 @@ class SphericalJoint(AbstractPairJoint):
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
 
+    **Raises:** `ValueError` if the bodies are the same, or a point is invalid.
+
     >>> joint = cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
     >>> {name: float(row.value) for name, row in rows.items()}  # m, components of the distance
@@ -140,6 +164,8 @@ class RevoluteJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in body axes, any length.
 
+    **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
+
     >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
@@ -171,6 +197,8 @@ class FixedJoint(AbstractPairJoint):
     - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
+
+    **Raises:** `ValueError` if the bodies are the same, or a point or the orientation is invalid.
 
     >>> joint = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -209,6 +237,8 @@ class InlineJoint(AbstractPairJoint):
     - `point_second`: the point that stays on the line, (3,) m in the second body's axes.
     - `axis`: direction of the line, (3,) in the first body's axes, any length.
 
+    **Raises:** `ValueError` if the bodies are the same, or a point or the axis is invalid.
+
     >>> joint = cj.InlineJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['offset 1', 'offset 2']
@@ -234,6 +264,8 @@ class CylindricalJoint(AbstractAxisJoint):
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: the axis on each body, (3,) in body axes, any length.
+
+    **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
 
     >>> joint = cj.CylindricalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -262,6 +294,9 @@ class PrismaticJoint(AbstractPairJoint):
     - `axis`: direction of sliding, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
+
+    **Raises:** `ValueError` if the bodies are the same, or a point, the axis or the orientation is
+    invalid.
 
     >>> joint = cj.PrismaticJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -304,7 +339,8 @@ class DistanceJoint(AbstractPairJoint):
     - `point_first`, `point_second`: the end of the rod on each body, (3,) m in body axes.
     - `length`: length of the rod, m, positive.
 
-    **Raises:** `ValueError` if the length is not positive.
+    **Raises:** `ValueError` if the bodies are the same, a point is invalid, or the length is not
+    positive.
 
     >>> rod = cj.DistanceJoint("ground", "arm", (0, 0, 0), (0.5, 0, 0), length=0.5)
     >>> rows = extend.unpack(rod).rows(motions, 0.0)

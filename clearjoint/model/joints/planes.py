@@ -30,6 +30,8 @@ class PointInPlaneJoint(AbstractPairJoint):
     - `point_second`: the point that stays in the plane, (3,) m in the second body's axes.
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
 
+    **Raises:** `ValueError` if the bodies are the same, or a point or the normal is invalid.
+
     >>> joint = cj.PointInPlaneJoint("ground", "arm", (0, 0, 0), (0, 0.1, 0), normal=(0, 1, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
     >>> {name: float(row.value) for name, row in rows.items()}  # m off the plane
@@ -60,6 +62,8 @@ class LineInPlaneJoint(AbstractPairJoint):
     - `point_second`: a point of the line, (3,) m in the second body's axes.
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
     - `axis`: direction of the line, (3,) in the second body's axes, any length.
+
+    **Raises:** `ValueError` if the bodies are the same, or a point or direction is invalid.
 
     >>> points = (0, 0, 0), (0, 0, 0)
     >>> joint = cj.LineInPlaneJoint("ground", "arm", *points, normal=(0, 1, 0), axis=(1, 0, 0))
@@ -113,6 +117,8 @@ class PlanarMotion(AbstractMotionAtPoints):
         The position consists of the two distances, m, and the angle, rad within (-2 pi, 2 pi], and
         the speeds are their rates.
         """
+        # The vectors of `relative` are in the child's axes, the distances along those of the
+        # parent. In the parent's axes the displacement also changes because the child rotates.
         hinge = self._hinge().encode(relative)
         rotation = self.rotation((0.0, 0.0, hinge.position))
         apart, spin = relative.displacement, relative.twist.angular
@@ -184,7 +190,7 @@ class PlanarJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: a point of the plane on each body, (3,) m in body axes.
     - `axis_first`, `axis_second`: the plane's normal on each body, (3,) in body axes, any length.
 
-    **Raises:** `ValueError` if a point or axis is invalid.
+    **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
 
     >>> joint = cj.PlanarJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier

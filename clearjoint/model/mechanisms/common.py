@@ -40,8 +40,8 @@ def turned_about_z(angle: float) -> tuple[float, float, float, float]:
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
     """Return the joints and the forces of a mechanism, by name, including its motor.
 
-    The motor gets the name "motor". One that is a force becomes the only force; a driver is added
-    to the joints.
+    The motor gets the name "motor". A motor that is a force, such as a torque, becomes the only
+    force; a driver, which is a constraint, is added to the joints.
     """
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}

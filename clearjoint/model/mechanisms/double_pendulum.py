@@ -35,14 +35,16 @@ def double_pendulum(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh; 0 to 1.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `axial`: whether the journal can slide along its axis: an `AbstractAxialPolicy`, by default
       `FreeAxially()`.
 
-    >>> scene, state = cj.mechanisms.double_pendulum()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """

@@ -77,7 +77,7 @@ def four_bar(
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
-    - `gravity`: (3,) m/s^2.
+    - `gravity`: (3,) m/s^2, 9.81 along -Y by default; ``None`` for none.
 
     **Raises:** `ValueError` for an unknown pin, or rods that can't be connected at the angle.
     """
@@ -142,7 +142,7 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     along, arm = pin - tip, pin - foot
     tip_velocity = speed * _perpendicular(tip)
     # Coupler and rocker have the same velocity at their common pin, which gives two equations for
-    # their angular velocities.
+    # their angular velocities w_c and w_r: tip velocity + w_c x along = w_r x arm.
     directions = np.stack([_perpendicular(along), -_perpendicular(arm)], axis=1)
     coupler_speed, rocker_speed = np.linalg.solve(directions, -tip_velocity)
     return State(
@@ -173,6 +173,7 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     """
     across = foot - tip
     distance = float(np.linalg.norm(across))
+    # The pin's position along the line between the centres, and the square of its height above it.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance)
     height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
@@ -183,6 +184,7 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
 
 
 def _perpendicular(vector: np.ndarray) -> np.ndarray:
+    """Return a vector of the plane, (2,), rotated by a quarter of a revolution to the left."""
     return np.array([-vector[1], vector[0]])
 
 
@@ -231,10 +233,13 @@ def spatial_four_bar(
     - `law`: replaces the default law.
     - `friction`: of the ball; none by default.
 
-    >>> scene, state = cj.mechanisms.spatial_four_bar()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """
+    # The coupler lies along its x axis, crank and rocker along their y axes.
     end = (0.5 * COUPLER, 0.0, 0.0)
     top = (0.0, 0.5 * ROCKER, 0.0)
     if clearance is None:
@@ -250,6 +255,7 @@ def spatial_four_bar(
             law=steel_law(restitution) if law is None else law,
             friction=friction,
         )
+    # With crank and rocker upright, their upper ends are at the same height.
     foot = (COUPLER, CRANK - ROCKER, 0.0)
     joints = {
         "crank bearing": RevoluteJoint(

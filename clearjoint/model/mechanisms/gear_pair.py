@@ -52,6 +52,8 @@ def gear_pair(
 
     **Returns:** the scene and the initial state, in the middle of the play.
 
+    **Raises:** `ValueError` if a value is outside its range.
+
     >>> scene, state = cj.mechanisms.gear_pair()
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
@@ -75,6 +77,7 @@ def gear_pair(
 
 
 def _disc(radius: float) -> Body:
+    """Return a steel disc about Z from its radius, m."""
     mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
     across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
     return Body(mass, (across, across, 0.5 * mass * radius**2))

@@ -54,7 +54,9 @@ def quick_return(
       of 0.8, by default.
     - `friction`: of pin and walls; none by default.
 
-    >>> scene, state = cj.mechanisms.quick_return()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """

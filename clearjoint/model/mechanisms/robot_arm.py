@@ -157,10 +157,13 @@ def lumps() -> list[Lump]:
 
 
 def _combined(parts: Sequence[Lump]) -> Lump:
+    """Return the mass, centre of mass and inertia of parts that are fixed to each other, in the
+    frame that all parts refer to."""
     mass = sum(part.mass for part in parts)
     centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
     for part in parts:
+        # The parallel axis theorem.
         arm = part.centre - centre
         inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return Lump(mass, centre, inertia)
@@ -249,11 +252,13 @@ def robot_arm(
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
       no flanges, and the motors drive the links directly.
-    - `restitution`: of the default law of the backlash.
+    - `restitution`: of the default law of the backlash, above 0 and at most 1.
     - `angles`, `speeds`: of the motors at the start, rad and rad/s.
     - `law`: replaces the default law.
 
     **Returns:** the scene and the initial state, in the middle of the play.
+
+    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
     >>> list(scene.bodies)
@@ -294,5 +299,8 @@ def _hinge(k: int) -> RevoluteJoint:
 
 
 def _foot(k: int) -> Components:
-    """Return the position of hinge k, counted from 0, on the parent, (3,) m in body axes."""
+    """Return the position of hinge k, counted from 0, on the parent, (3,) m in body axes.
+
+    It is the origin of the parent's Denavit-Hartenberg frame, from the parent's centre of mass.
+    """
     return np.zeros(3) if k == 0 else -LUMPS[k - 1].centre

@@ -53,9 +53,11 @@ def rotor_in_bearing(
     - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
     - `law`: of the contact with the wall; replaces the default law.
     - `friction`: at the dry wall; none by default.
-    - `gravity`: (3,) m/s^2, along -Y by default.
+    - `gravity`: (3,) m/s^2, along -Y by default; ``None`` for none.
 
-    >>> scene, state = cj.mechanisms.rotor_in_bearing()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)
     ['bearing', 'motor']
     """
@@ -69,6 +71,7 @@ def rotor_in_bearing(
         friction=friction,
         axial=FixedAxially(),
     )
+    # With a film, the lubricated joint replaces the dry one, whose contact it includes.
     joints = {
         "bearing": bearing
         if film is None

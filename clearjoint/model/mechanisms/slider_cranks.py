@@ -71,7 +71,9 @@ def slider_crank(
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2; none by default.
 
-    >>> scene, state = cj.mechanisms.slider_crank()
+    **Raises:** `ValueError` if a value is outside its range.
+
+     scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """
@@ -184,6 +186,8 @@ def guided_slider_crank(
       of 0.9.
     - `speed`: of the crank at the start, rad/s.
 
+    **Raises:** `ValueError` if a value is outside its range.
+
     >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
@@ -231,6 +235,7 @@ def _pin(
     end = (0.5 * ROD, 0.0, 0.0)
     if clearance is None:
         return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
+    # The slider has the bearing and the rod the journal, as in `slider_crank`.
     return ClearanceJoint(
         "slider",
         "rod",
@@ -255,6 +260,12 @@ def _in_plane() -> dict[str, AbstractConstraint]:
 
 
 def _start(speed: Scalar) -> State:
+    """Return the state of the guided slider-crank at a speed of the crank, rad/s.
+
+    It starts in a straight line: the crank's end moves along Y, and the slider, at the other end of
+    the rod, is at rest.
+    """
+    # Velocity of the crank's end, with which the rod rotates about the slider.
     tip = np.array([0.0, CRANK * speed, 0.0])
     axis = np.array([0.0, 0.0, 1.0])
     return State(
