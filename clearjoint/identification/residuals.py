@@ -360,12 +360,13 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
-    Residuals and their derivatives are zero where a series has no sample.
+    Residuals and their derivatives are zero where a series has no sample. In the short windows of a
+    growing record, p more rows are those of a prior (argument `grow` of `identify`).
 
     - `coordinates`: (p,) coordinates of the parameters.
     - `residuals`: (M,) in standard deviations of the noise, series after series.
     - `jacobian`: (M, p) derivatives of the residuals by the coordinates.
-    - `predicted`: (S, T) values of the outputs, SI.
+    - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     - `result`: `RESULTS` code of the run.
     - `time`: s, end of the run; `attempts`: number of steps tried.
     """

@@ -116,6 +116,7 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
             coordinate = parameter.scale.coordinate(value)
+            # A delay is no number of the scene, so there is nothing to check.
             if not isinstance(parameter.variation, SeriesDelay):
                 setter = parameter.variation.setter(scene, state, value.item())
                 changed, _ = setter(scene, state, value.item())

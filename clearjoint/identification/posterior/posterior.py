@@ -72,7 +72,8 @@ def posterior(
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
     standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
 
-    **Raises:** `ValueError` for unsupported arguments, and if all runs fail.
+    **Raises:** `ValueError` for unsupported arguments, and if all points are impossible: their runs
+    fail, or their prior is zero.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
     >>> found = cj.posterior(
@@ -196,7 +197,7 @@ class TooManyRunsError(ArithmeticError):
 
 @dataclass
 class _Lanes:
-    """Chi squared of points by runs as lanes, which counts the runs.
+    """Computes chi squared of points by runs as lanes, and counts the runs.
 
     - `side_by_side`: the runs, and the samples with which they are compared.
     - `most_runs`: largest number of runs that are made.
@@ -232,7 +233,7 @@ def _prior(
 
     Points are coordinates; the user's function `log_prior` receives values by name instead. Without
     it, the prior is uniform. The function raises a `ValueError` if the user's function returns
-    another shape, NaN or infinity.
+    another shape, NaN or +infinity; -infinity is a density of zero.
     """
 
     def logarithms(points: np.ndarray) -> np.ndarray:
