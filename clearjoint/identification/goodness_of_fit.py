@@ -40,6 +40,8 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     norms = np.linalg.norm(jacobian, axis=0)
     # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
+    # With columns of unit length, the decomposition does not depend on the units of the
+    # coordinates.
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
     sizes = np.maximum(sizes, SINGULAR * max(sizes[0], 1.0))
     changes = []

@@ -99,7 +99,8 @@ class Search:
 
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
-    - `best`: the run with the smallest misfit in the last window.
+    - `best`: the run with the smallest misfit in the last window. After an interruption in a
+      shorter window, it is a run over the whole record at the best coordinates of that window.
     """
 
     start: Float[np.ndarray, " p"]

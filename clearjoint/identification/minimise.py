@@ -33,7 +33,8 @@ class Minimum:
     - `estimates`: value of each parameter by name.
     - `coordinates`: (p,) the same values on the parameters' scales.
     - `objective`: smallest objective of all runs.
-    - `history`: (iterations,) objective of every run that succeeded.
+    - `history`: (iterations,) objective of each run; shorter if a run failed, which ends the
+      search.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):

@@ -313,6 +313,7 @@ def identifiability_from(
         rows.append(scaled.reshape(-1, p))
         times.append(np.repeat(sensor.times, len(columns)))
         names += [name] * len(rows[-1])
+    # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)
     order = np.argsort(sample_times, kind="stable")
     return Identifiability(

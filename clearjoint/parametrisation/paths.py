@@ -207,6 +207,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
 
     **Arguments:** `tree`: scene or state, or a part of it; `name`, `unit`: those of this part.
     """
+    # As in JAX, static fields are no leaves, and the entries of dictionaries are sorted by key.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):

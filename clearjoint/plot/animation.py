@@ -59,6 +59,8 @@ def journal_frames(
 
     **Returns:** the figure.
 
+    **Raises:** `ValueError` for the name of a joint without a journal.
+
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
     blocks = -(-len(instants) // columns)  # pairs of rows, rounded up
@@ -111,6 +113,8 @@ def animate_journal(
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, see `journal_frames`.
     - `frames_per_second`: number of frames that the animation shows in a second.
+
+    **Raises:** `ValueError` for the name of a joint without a journal.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

@@ -377,7 +377,7 @@ def motion_timeline(
 
     **Returns:** the axes; time in ms or s, a row for each joint.
 
-    **Raises:** `ValueError` for a scene without contacts.
+    **Raises:** `ValueError` for a scene without contacts, and for the name of a joint without them.
 
     >>> axes = plot.motion_timeline(observed)
     """

@@ -117,6 +117,8 @@ def eccentricity_vectors(
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
+    **Raises:** `ValueError` for an unknown joint or base.
+
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
     """
@@ -195,6 +197,8 @@ def orbit_in_contact(
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
 
+    **Raises:** `ValueError` for an unknown joint or base, and for a joint without a journal.
+
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
@@ -239,6 +243,9 @@ def length_unit(clearance: float) -> tuple[float, str]:
 
 def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
+
+    This difference varies if the bearing or the journal has a profile. The result is its median
+    over the observed times.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """

@@ -62,8 +62,8 @@ def contact_rose(
 
     **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
 
-    **Raises:** `ValueError` for a joint without a journal, an unknown weight, and axes that are not
-    polar.
+    **Raises:** `ValueError` for a joint without a journal, an unknown weight, a number of sectors
+    below 1, and axes that are not polar.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -99,7 +99,10 @@ def _weights(
 ) -> np.ndarray:
     """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
 
-    **Returns:** (sectors,), in the order of the angle of the eccentricity.
+    The arguments are those of `contact_rose`, and `base`: "V" or "W".
+
+    **Returns:** (sectors,), in the order of the angle of the eccentricity, from 0 to 2 pi; zero for
+    a sector without contact.
     """
     x, y = eccentricity_vectors(observation, joint, base, section).T
     turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
@@ -163,7 +166,8 @@ def worn_profile(
 
     **Returns:** the axes; angle from the x axis of the part's frame, depth in a suitable unit.
 
-    **Raises:** `ValueError` for unknown names, and axes that are not polar.
+    **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
+    polar.
 
     >>> found = xr.Dataset(
     ...     {"bearing_depth": (("joint", "stage", "angle"), 1e-6 * np.ones((1, 2, 8)))},

@@ -85,7 +85,7 @@ def poincare_section(
     points are darker; a colour bar gives their number.
 
     **Raises:** `ValueError` for unknown channels, a `clearance` with channels that are not lengths,
-    and if no crossing remains.
+    and if all crossings are earlier than `after`.
 
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
@@ -125,7 +125,8 @@ def poincare_section_of_lane(
 
     **Returns:** the axes, see `plot.poincare_section`.
 
-    **Raises:** `ValueError` for unknown names, for several lanes, and if no crossing remains.
+    **Raises:** `ValueError` for unknown names, for several lanes, for a `clearance` with channels
+    that are not lengths, and if all crossings are earlier than `after`.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
@@ -164,8 +165,8 @@ def section_points(
     - `channels`, `units`: names and SI units of the two channels.
     - `after`, `clearance`, `axes`: see `poincare_section`.
 
-    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if no
-    crossing is later than `after`.
+    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if all
+    crossings are earlier than `after`.
     """
     times, lengths = np.asarray(times), set(units) == {"m"}
     kept = np.full(len(times), True) if after is None else times >= after
@@ -228,7 +229,7 @@ def bifurcation(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names.
+    **Raises:** `ValueError` for unknown names, and without `axis` for a sweep with several axes.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

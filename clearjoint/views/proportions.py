@@ -137,8 +137,9 @@ def equivalent_solid(body: Body) -> BodySolid:
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
         third = frame_about(axes[:, equal[0]])
         return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
-    # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sign
-    # makes the axes of `eigh` a right-handed frame.
+    # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sum
+    # of its moments less twice this one is m a² / 6. The sign makes the axes of `eigh` a
+    # right-handed frame.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
@@ -178,10 +179,11 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z.
+    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z, or X.
 
-    For a planar mechanism, directions within 60 degrees of the line of sight `front` are passed
-    over, along which the viewer could not see them as upward.
+    The first of these is taken, but without gravity Y comes first. For a planar mechanism,
+    directions within 60 degrees of the line of sight `front` are passed over, because the viewer
+    could not see them as upward.
     """
     candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
     for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):

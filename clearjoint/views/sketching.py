@@ -179,6 +179,8 @@ class SketchingPen(AbstractPen):
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
+        # The rail is longer than the motion by four radii of a bar at both ends, so that it is seen
+        # on both sides of the block.
         self._fix(
             Marker(rail.body, middle, axis), meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
         )

@@ -59,7 +59,8 @@ class View:
       its `notes`.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings.
-    - `force_scale`: length of the arrow of the largest force divided by that force, m/N.
+    - `force_scale`: length of the arrow of the largest force divided by that force, m/N, before the
+      arrow is cut to 0.3 times the size of the mechanism; 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -86,7 +87,8 @@ class View:
         """Write the view to a file: ".html" for an interactive page, ".gif" or ".mp4" for an
         animation (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
 
-        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
+        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one. Pages
+        and animations show all times.
 
         **Returns:** the path of the file.
 
@@ -195,8 +197,9 @@ def view(
 
     **Returns:** a `View`.
 
-    **Raises:** `ValueError` for a solution without states, bodies that the scene does not have,
-    and meshes or scales that can't be drawn; `ImportError` without the extra `view` (k3d, trimesh).
+    **Raises:** `ValueError` for a solution without states, bodies that the scene does not have, an
+    observation of other instants, a number of frames below 1, and meshes or scales that can't be
+    drawn; `ImportError` without the extra `view` (k3d, trimesh).
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:

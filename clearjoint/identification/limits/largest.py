@@ -256,6 +256,7 @@ class _Search:
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
             if lanes.falls(self.tolerance) or not doubtful.any():
                 break
+            # Only doubtful intervals are divided.
             widths = np.where(doubtful, np.diff(lanes.coordinates), 0.0)
             parts = np.ones(len(widths), int)
             for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.

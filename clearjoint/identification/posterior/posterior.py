@@ -59,14 +59,16 @@ def posterior(
     - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
     - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
     - `guess`: values at the centre of the box, by name; by default those in the scene.
-    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
-      a factor of e in both directions): one number, or a number for each parameter by name.
+    - `spread`: half the width of the box, positive, in the coordinates of the scales (on a `Log`
+      scale, 1 is a factor of e in both directions): one number, or a number for each parameter by
+      name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
     - `number`: number of points, at least 32. With three parameters, about a hundred runs are
       needed for each point; 100 points give intervals that are too narrow where the region is thin
       and curved.
-    - `seed`: seed of the random numbers. Equal seeds give equal bits, for any number of threads.
+    - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
+      any number of threads.
     - `progress`: whether to show a line.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
