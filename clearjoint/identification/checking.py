@@ -267,7 +267,8 @@ def _quadratic_test(
 ) -> likelihood.QuadraticTest:
     """Compare runs at points around the best run with the prediction of its covariance.
 
-    **Arguments:** `limits`: (p,) largest distance of the points, in coordinates.
+    **Arguments:** `best`, `runs`, `data`: as in `check`; `limits`: (p,) largest distance of the
+    points, in coordinates; `generator`: source of random numbers.
     """
     offsets = likelihood.displacements(best.covariance, limits, generator)
     times, shape = np.asarray(runs.times), data.weights.shape
@@ -292,7 +293,7 @@ def _descent(
     """Search for the local minimum near a start, coordinates (p,).
 
     **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
-    `steps`: largest number of its runs.
+    `steps`: largest number of its runs; the others are as in `check`.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts it.
     """
@@ -312,9 +313,9 @@ def _largest_offsets(
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
-    The distance is twice the scale's `max_step`. If that is infinite, it is the larger of the
-    coordinate's absolute value and `FARTHEST` standard deviations of an estimate of that parameter
-    alone.
+    The distance is twice the scale's `max_step` (see `AbstractScale`). If that is infinite, it is
+    the larger of the coordinate's absolute value and `FARTHEST` standard deviations of an estimate
+    of that parameter alone.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)
@@ -330,6 +331,8 @@ def _early_covariances(
 
     They end at `horizon`, s, and half way from the start of the run to it. The list is empty if the
     horizon is infinite.
+
+    **Arguments:** `best`, `runs`, `data`: as in `check`.
     """
     if not math.isfinite(horizon):
         return []

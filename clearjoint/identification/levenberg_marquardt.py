@@ -276,6 +276,8 @@ def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.A
     A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
     squared nor its dependence on the coordinates, and one compiled program serves data of any size.
     Fewer than p + 1 rows are followed by zeros.
+
+    **Arguments:** `misfit`: a run; `scales`: (p,) factors from coordinates to scaled ones.
     """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))

@@ -127,8 +127,8 @@ def _instants(
     A delayed output is needed at the sample times minus its delay, and slightly before and after
     these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
 
-    **Arguments:** `coordinates`: (p,) of the parameters; `end_time`: s, time of the last sample to
-    compare.
+    **Arguments:** `runs`: the experiment, with its sample times and delays; `coordinates`: (p,) of
+    the parameters; `end_time`: s, time of the last sample to compare.
 
     **Returns:**
 
@@ -416,6 +416,9 @@ def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array,
     """Return residuals (M,) and their Jacobian (M, p) by the coordinates.
 
     At a sample that the run did not reach, the residual is `UNREACHED` and its derivatives zero.
+
+    **Arguments:** `run`: values and derivatives of the outputs, from `runs.run`; `data`: the
+    samples to compare.
     """
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])

@@ -48,6 +48,8 @@ class Starts:
         """Return the coordinates of all starts, (number, p); the first row is `first`.
 
         **Arguments:** `first`: (p,) coordinates of the guess. `names`: names of the p parameters.
+
+        **Raises:** `ValueError` for a name in `spread` that is none of these.
         """
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0

@@ -174,6 +174,8 @@ def _drawn(
     """Return the positions of one base in the pictures, and when it touches the wall, at the N
     observed times.
 
+    The arguments are those of `journal_frames`, and `base`: "V" or "W".
+
     **Returns:** centre of the base in the cross-section, (N, 2) in radii of the bearing, enlarged
     so that the clearance becomes `DRAWN_GAP`; mask (N,) of the times at which the base touches the
     wall.

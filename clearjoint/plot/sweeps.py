@@ -218,6 +218,7 @@ def parameter_map(
       each of them.
     - `variable`: name of the output.
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. Colours and axes are logarithmic if all values are positive and the
     largest exceeds 12 times the smallest one; axes also if the values of the parameter form a

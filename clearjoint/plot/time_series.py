@@ -273,6 +273,7 @@ def spectrum(
       intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
       at wrong frequencies below it (aliasing).
     - `taper`: see `plot.amplitude_spectrum`.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
     prefix, on a logarithmic scale.

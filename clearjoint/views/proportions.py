@@ -146,7 +146,7 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
-    is a point."""
+    is a point. The arguments are those of `proportions`."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -162,7 +162,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
     axes, and whether the mechanism is planar. Without joint axes these are the global Z axis and
-    False."""
+    False. The arguments are those of `proportions`."""
     axes = [
         poses.direction(marker.body, marker.axis)[0]
         for marker in noted.markers
@@ -244,7 +244,7 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
 
     **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
     do not belong to the mechanism: they must be in the picture, but not around its middle.
-    `count`: number of frames.
+    `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
     """
     # Coordinates below are to the right, upwards and to the viewer, m.
     instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()

@@ -73,8 +73,9 @@ def drawn_journal(
     The positions of its ends across the bearing's axis are the true ones times the scale of
     clearances. Along the axis, their distance is the true length times the scale of bearings.
 
-    **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn radius
-    of the journal, m; `length`: true length of the journal, m; `sizes`: has both scales.
+    **Arguments:** `poses`: poses of the bodies in each frame; `bearing`, `journal`: centre and axis
+    of each on its body; `radius`: drawn radius of the journal, m; `length`: true length of the
+    journal, m; `sizes`: has both scales.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())

@@ -231,6 +231,9 @@ def _poses(
     (None if forces are not drawn), and notes for the legend.
 
     The arguments are those of `view`.
+
+    **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
+    shapes, and for an observation of other instants.
     """
     if motion is None:
         state, fits = initial_state(scene)
@@ -292,6 +295,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
     """Return the meshes of bodies that the user of `view` passes, in m in body axes, by body.
 
+    **Arguments:** `sizes`: has the size of the mechanism.
+
     **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
     from the mechanism's by more than a factor `ODD_SIZE`, as it does in mm.
     """
@@ -322,7 +327,11 @@ def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> lis
 
 
 def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> list[str]:
-    """Return the lines of the legend that state the scales of clearances, bearings and arrows."""
+    """Return the lines of the legend that state the scales of clearances, bearings and arrows.
+
+    **Arguments:** `has_clearance`: whether the scene has bearings, without which their scales are
+    not stated.
+    """
     notes = []
     if has_clearance:
         notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
@@ -340,7 +349,10 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     """Return a note on the largest force of all impacts if it acts between two frames and exceeds
-    the forces of all frames; else no note."""
+    the forces of all frames; else no note.
+
+    **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
+    """
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

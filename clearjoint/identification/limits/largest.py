@@ -202,6 +202,8 @@ def largest_feasible(
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
+    The argument `lanes` of methods has the margins of all values that have been computed so far.
+
     - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
     - `lanes`: number of values in a row.
     - `tolerance`: relative tolerance of the value.
@@ -269,10 +271,7 @@ class _Search:
         return lanes
 
     def _result(self, lanes: LaneMargins, value: float, unit: str) -> LargestFeasible:
-        """Return the result of the search: `value`, in `unit`, and properties of all margins.
-
-        **Arguments:** `lanes`: the margins of all computed values.
-        """
+        """Return the result of the search: `value`, in `unit`, and properties of all margins."""
         # Without a violation, `first` is the last index, so that the spacing is over all values.
         met = lanes.gap() is not None
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
@@ -294,8 +293,9 @@ class _Search:
         """Return the two values between which the first violation begins.
 
         With draws these are the ends of a 95 % confidence interval: the last value before any
-        violation is possible by the margins' intervals, and the first at which it is certain. If
-        there is no such value, the end is the largest computed value.
+        violation is possible by the margins' intervals, and the first at which it is certain. If a
+        violation is possible from the smallest value on, the interval begins there; if it is
+        certain nowhere, the interval ends at the largest computed value.
         """
         possible = np.flatnonzero(~(lanes.low >= 0.0))
         certain = np.flatnonzero(~(lanes.high >= 0.0))

@@ -146,6 +146,8 @@ def screen(
     they are compared; `centre`: (p,) coordinates of the guess; `names`: names of the p parameters;
     `number`: number of the pass, from 0, which changes the random numbers; `progress`: whether to
     show a line.
+
+    **Raises:** `ValueError` for a name in the `spread` of `screening` that is none of `names`.
     """
     from scipy.special import chdtri
     from scipy.stats import qmc
